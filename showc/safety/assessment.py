@@ -8,7 +8,7 @@ import numpy as np
 
 from showc.errors import UsageError
 from showc.safety.case import Distance, Finding, SafetyCase, fence_of
-from showc.safety.energy import Energy, flight_energy
+from showc.safety.energy import Draw, Energy, flight_energy
 from showc.safety.failure import Failures, failures
 from showc.safety.fall import Fall
 from showc.safety.ground import (
@@ -24,7 +24,7 @@ from showc.safety.ground import (
     within,
 )
 from showc.safety.landing import FallTable
-from showc.safety.pieces import Place, flight_pieces
+from showc.safety.pieces import Place, flight_pieces, flown_legs
 from showc.safety.stop import (
     Motion,
     Stops,
@@ -33,7 +33,7 @@ from showc.safety.stop import (
     time_to_rest,
 )
 from showc.safety.volumes import Flying, buffers
-from showc.vehicle.power import SEA_LEVEL, air_density, rotor_thrusts
+from showc.vehicle.power import SEA_LEVEL, Power, air_density
 
 if TYPE_CHECKING:
     from showc.log.reader import LoggedShow
@@ -83,10 +83,13 @@ def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
         If a trajectory of the log makes no polynomials.
     """
     show = show or show_of(logged)
-    states = [logged.trajectory(drone).state for drone in range(logged.drones)]
-    velocity = [state.select([3, 4, 5]) for state in states]
+    model = Power.of(show.battery, show.vehicle, show.site.altitude)
+    draw = Draw(show.vehicle, model, logged.drones, logged.duration)
+    pieces = flight_pieces(draw.along(flown_legs(logged)))
+    flights = pieces.flights()
+    velocity = [flight.select([3, 4, 5]) for flight in flights]
     stopping = stops(Motion.of(velocity), authority_within(show), STOP_STEP)
-    pieces = flight_pieces(logged)
+    del velocity
     top = show.site.altitude + float(pieces.position[:, :, 2].max())
     fall = Fall(
         show.vehicle.mass,
@@ -95,11 +98,12 @@ def safety_case(logged: LoggedShow, show: Show | None = None) -> SafetyCase:
         show.vehicle.gravity,
         min(air_density(top), SEA_LEVEL),
     )
-    failing = failures(states, fall, show.body.size, show.site.risk.ground)
+    failing = failures(flights, fall, show.body.size, show.site.risk.ground)
+    del flights
     table = logged.aborts
     aborts = [time_to_rest(row, table.period) + row.duration for row in table.rows]
     return _Assessment(show, pieces, stopping, failing, fall).case(
-        max(aborts, default=None)
+        draw, max(aborts, default=None)
     )
 
 
@@ -134,14 +138,23 @@ class _Assessment:
             show.limits.tilt,
             show.vehicle.gravity,
         )
+        self.leans = fall.lean(fall.wind), fall.lean(self.flying.speed)
         self.buffers = buffers(self.flying, self.risk)
         self.flight = Footing()
         self.impacts = Footing(self.falls, 0.5 * show.body.size, self.risk.ground)
         self.distances: list[Distance] = []
         self.findings: list[Finding] = []
 
-    def case(self, abort: float | None) -> SafetyCase:
-        """Return the case; the longest abort takes ``abort`` [s], None: not known."""
+    def case(self, draw: Draw, abort: float | None) -> SafetyCase:
+        """Return the case.
+
+        Parameters
+        ----------
+        draw
+            What the flight takes of the batteries.
+        abort
+            How long the longest abort takes [s]; None: not known.
+        """
         geography = hull(self.pieces, self.flight)
         contingency = widened(geography, self.buffers.contingency)
         self._fence()
@@ -159,7 +172,8 @@ class _Assessment:
             hull(self.pieces, self.impacts),
             tuple(self.distances),
             self.impact_speed,
-            self._energy(abort),
+            self.leans,
+            self._energy(draw, abort),
             self._failures(),
             self.stopping,
             tuple(sorted(self.findings, key=lambda item: item.severity)),
@@ -241,7 +255,8 @@ class _Assessment:
                     "SAF141",
                     "warning",
                     f"in {100.0 * self.failing.share:.0f} % of all drones and seconds "
-                    f"a falling drone may meet another; most here: drones {named}",
+                    f"a falling drone may meet another; most here: "
+                    f"{'drone' if len(met) == 1 else 'drones'} {named}",
                     float(len(met)),
                     Place(drone, float(self.failing.times[step])),
                 )
@@ -263,15 +278,13 @@ class _Assessment:
             Place(int(self.pieces.drone[first]), float(middle)),
         )
 
-    def _energy(self, abort: float | None) -> Energy:
+    def _energy(self, draw: Draw, abort: float | None) -> Energy:
         show = self.show
         if abort is None:
             descent = self.highest / show.landing.descent_speed
             abort = self.stopping.sure + descent
-        self._rotors()
-        found = flight_energy(
-            self.pieces, show.vehicle, show.battery, abort, show.site.altitude
-        )
+        self._rotors(draw)
+        found = flight_energy(draw, show.battery, abort)
         worst, allowed = found.worst, show.battery.allowed
         needed = float(found.used[worst]) + found.abort
         if needed > allowed:
@@ -304,24 +317,22 @@ class _Assessment:
             )
         return found
 
-    def _rotors(self) -> None:
+    def _rotors(self, draw: Draw) -> None:
         """Look whether rotors give in the site's air what the flight asks for."""
         vehicle, altitude = self.show.vehicle, self.show.site.altitude
         share = min(air_density(altitude + self.highest) / SEA_LEVEL, 1.0)
         most = vehicle.thrust_coefficient * vehicle.rotor_speed_max**2
-        asked = rotor_thrusts(vehicle, self.pieces.control).max(axis=(1, 2))
-        first = int(asked.argmax())
-        missing = float(asked[first]) - share * most
+        missing = draw.thrust - share * most
         if missing > 0.0:
             self.findings.append(
                 Finding(
                     "SAF133",
                     "warning",
-                    f"a rotor is asked for {asked[first]:.2f} N; in the air of "
+                    f"a rotor is asked for {draw.thrust:.2f} N; in the air of "
                     f"{altitude:.0f} m, {100.0 * share:.0f} % as dense as at sea level,"
                     f" it gives {share * most:.2f} N",
                     missing,
-                    self.pieces.middle(first),
+                    draw.place,
                 )
             )
 
@@ -336,6 +347,18 @@ class _Assessment:
                     0.0,
                 )
             )
+        lean = self.leans[0]
+        if lean > self.show.limits.tilt:
+            self.findings.append(
+                Finding(
+                    "SAF203",
+                    "warning",
+                    f"in a wind of {risk.wind:g} m/s a drone that stands still leans "
+                    f"up to {np.degrees(lean):.0f}°, its greatest tilt is "
+                    f"{np.degrees(self.show.limits.tilt):.0f}° (estimate)",
+                    float(lean - self.show.limits.tilt),
+                )
+            )
         if not site.audience:
             self.findings.append(
                 Finding(
@@ -343,8 +366,8 @@ class _Assessment:
                 )
             )
         formula = {
-            "ballistic": self.buffers.ballistic,
-            "one-to-one": self.buffers.one_to_one,
+            "ballistic": ("ballistic", self.buffers.ballistic),
+            "one-to-one": ("1:1", self.buffers.one_to_one),
         }
         for people in site.audience:
             away = outside(outline(people.points, closed=people.area))
@@ -365,12 +388,13 @@ class _Assessment:
                 found.place,
             )
             if risk.method in formula:
+                name, buffer = formula[risk.method]
                 found = least(self.pieces, self.flight, away)
                 self._note(
                     "SAF112",
-                    f"flight to {people.name} (contingency and {risk.method} buffer)",
+                    f"flight to {people.name} (contingency and {name} buffer)",
                     found.bound,
-                    self.buffers.contingency + formula[risk.method],
+                    self.buffers.contingency + buffer,
                     found.place,
                 )
 

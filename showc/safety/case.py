@@ -11,6 +11,8 @@ from showc.safety.codes import codes
 from showc.safety.ground import area
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from showc.arrays import FloatArray
     from showc.safety.energy import Energy
     from showc.safety.failure import Failures
@@ -91,6 +93,9 @@ class SafetyCase:
     """What is left to what stands around."""
     impact_speed: float
     """Greatest speed of an impact [m/s]."""
+    leans: tuple[float, float]
+    """Tilt that the greatest wind takes of a drone that stands, and of the fastest
+    against it; by the greatest drag area, an estimate [rad]."""
     energy: Energy
     """How the batteries empty."""
     failures: Failures
@@ -128,7 +133,7 @@ class SafetyCase:
         return tuple(item for item in self.findings if item.severity == "error")
 
     def to_json(self) -> dict[str, Any]:
-        """Return the case as JSON-able data; drones count from 1."""
+        """Return the case as data that JSON can be written of; drones count from 1."""
         return {
             "name": self.show.name,
             "findings": [
@@ -156,6 +161,8 @@ class SafetyCase:
             "ballistic": round(self.buffers.ballistic, 3),
             "impact_speed": round(self.impact_speed, 2),
             "impact_energy": round(self.impact_energy, 1),
+            "lean_standing": round(self.leans[0], 4),
+            "lean_flying": round(self.leans[1], 4),
             "energy": {
                 "charge_used": round(float(self.energy.used.max()), 4),
                 "charge_of_abort": round(self.energy.abort, 4),
@@ -166,14 +173,7 @@ class SafetyCase:
             },
             "failures": {
                 "share": round(self.failures.share, 4),
-                "pairs": [
-                    {
-                        "time": float(self.failures.times[step]),
-                        "drone": drone + 1,
-                        "meets": other + 1,
-                    }
-                    for step, drone, other in self.failures.pairs.tolist()
-                ],
+                "falls": _Falls(self.failures),
             },
             "stops": {
                 "times": self.stops.times.tolist(),
@@ -190,6 +190,29 @@ class SafetyCase:
                 for volume in self.volumes
             ],
         }
+
+
+class _Falls(list[dict[str, Any]]):
+    """Falls in which others may be met, each made when it is written.
+
+    Of a thousand drones they are more than memory should hold. A list, for that is what
+    the JSON encoder goes through one by one.
+    """
+
+    def __init__(self, failures: Failures) -> None:
+        super().__init__()
+        self._failures = failures
+
+    def __len__(self) -> int:
+        return int(np.count_nonzero(self._failures.met))
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        for (step, drone), others in self._failures.meetings():
+            yield {
+                "time": float(self._failures.times[step]),
+                "drone": drone + 1,
+                "may_meet": [other + 1 for other in others],
+            }
 
 
 def _said(place: Place | None) -> dict[str, Any]:

@@ -11,16 +11,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.safety.pieces import Place
 from showc.trajectory import bernstein_basis
-from showc.vehicle.power import Power
+from showc.vehicle.power import rotor_thrusts
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from showc.arrays import FloatArray
-    from showc.safety.pieces import Pieces
+    from showc.safety.pieces import Flown
     from showc.vehicle import Battery, Quadrotor
+    from showc.vehicle.power import Power
 
 STEP = 1.0
 """Time over which power is averaged for the charge [s]."""
+# Charge left of the whole, for the voltages below.
 _LEFT = np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 _CELL = np.array(
     [3.27, 3.61, 3.69, 3.73, 3.77, 3.80, 3.84, 3.87, 3.95, 4.02, 4.11, 4.20]
@@ -92,49 +97,86 @@ def hover_endurance(battery: Battery, hover_power: float) -> float:
     return time
 
 
-def flight_energy(
-    pieces: Pieces,
-    vehicle: Quadrotor,
-    battery: Battery,
-    abort: float,
-    altitude: float = 0.0,
-) -> Energy:
+class Draw:
+    """What the rotors of a fleet take, summed while its legs go by.
+
+    Parameters
+    ----------
+    vehicle
+        Allocation of the rotors, and the weight that the hover power carries.
+    model
+        Power of rotors.
+    drones
+        Size of the fleet.
+    duration
+        Of the show [s].
+    """
+
+    def __init__(
+        self, vehicle: Quadrotor, model: Power, drones: int, duration: float
+    ) -> None:
+        self.vehicle, self.model = vehicle, model
+        shape = max(int(np.ceil(duration / STEP)), 1), drones
+        self.joules, self.peak = np.zeros(shape), np.zeros(shape)
+        self.thrust = 0.0
+        """Greatest thrust of a rotor so far [N]: a bound."""
+        self.place = Place(0, 0.0)
+        """Where that is."""
+
+    def along(self, legs: Iterable[Flown]) -> Iterator[Flown]:
+        """Yield the legs that are given, and add up what they take."""
+        for leg in legs:
+            self._add(leg)
+            yield leg
+
+    def _add(self, leg: Flown) -> None:
+        asked = rotor_thrusts(self.vehicle, leg.control).max(axis=(1, 2))
+        most = int(asked.argmax())
+        if asked[most] > self.thrust:
+            self.thrust = float(asked[most])
+            middle = 0.5 * float(leg.start[most] + leg.end[most])
+            self.place = Place(int(leg.drone[most]), middle)
+        # Parts no longer than a step: their power is then that step's, or a
+        # neighbour's.
+        counts = np.ceil((leg.end - leg.start) / STEP).astype(int)
+        nodes, weights = np.polynomial.legendre.leggauss(3)
+        for count in np.unique(counts).tolist():
+            rows = np.flatnonzero(counts == count)
+            state, control = leg.state[rows], leg.control[rows]
+            start, width = leg.start[rows], (leg.end - leg.start)[rows] / count
+            drone = leg.drone[rows]
+            for part in range(count):
+                for node, weight in zip(
+                    0.5 * (nodes + 1.0), 0.5 * weights, strict=True
+                ):
+                    share = float(part + node) / count
+                    power = self.model.flown(
+                        self.vehicle, _at(state, share), _at(control, share)
+                    )
+                    moment = start + (part + node) * width
+                    step = np.minimum(moment / STEP, len(self.joules) - 1).astype(int)
+                    np.add.at(self.joules, (step, drone), power * weight * width)
+                    np.maximum.at(self.peak, (step, drone), power)
+
+
+def flight_energy(draw: Draw, battery: Battery, abort: float) -> Energy:
     """Empty the batteries of a fleet along its flight.
 
     Parameters
     ----------
-    pieces
-        The flight of all drones.
-    vehicle
-        Allocation of the rotors, and the weight that the hover power carries.
+    draw
+        What the whole flight takes.
     battery
         What it flies on, full at the start.
     abort
         How long the longest abort takes after the flight, hovering [s].
-    altitude
-        Of the site above sea level: thin air takes more power [m].
     """
-    model = Power.of(battery, vehicle, altitude)
-    nodes, weights = np.polynomial.legendre.leggauss(3)
-    drones = int(pieces.drone.max()) + 1
-    steps = int(np.ceil(pieces.end.max() / STEP))
-    joules, peak = np.zeros((2, steps, drones))
-    # Pieces no longer than a step: their power is then that step's, or a neighbour's.
-    count = int(np.ceil((pieces.end - pieces.start).max() / STEP))
-    for part in _cut(pieces, count):
-        for node, weight in zip(0.5 * (nodes + 1.0), 0.5 * weights, strict=True):
-            state = _at(part.state, float(node))
-            power = model.flown(vehicle, state, _at(part.control, float(node)))
-            width = part.end - part.start
-            moment = part.start + node * width
-            step = np.minimum((moment / STEP).astype(int), steps - 1)
-            np.add.at(joules, (step, part.drone), power * weight * width)
-            np.maximum.at(peak, (step, part.drone), power)
-    power = joules / STEP
+    power = draw.joules / STEP
+    steps, drones = power.shape
     left, voltage = np.ones((2, steps, drones))
     now = np.ones(drones)
     for step in range(steps):
-        most = np.maximum(peak[step], power[step])
+        most = np.maximum(draw.peak[step], power[step])
         with np.errstate(invalid="ignore", divide="ignore"):
             voltage[step] = np.where(
                 most > 0.0, most / current(battery, now, most), np.inf
@@ -142,21 +184,12 @@ def flight_energy(
         drawn = np.nan_to_num(current(battery, now, power[step]), nan=np.inf)
         now = np.maximum(now - drawn * STEP / battery.capacity, 0.0)
         left[step] = now
-    hovering = model.hover(vehicle)
+    hovering = draw.model.hover(draw.vehicle)
     taken = current(battery, np.array(float(now.min())), np.array(hovering))
     share = float(np.nan_to_num(taken, nan=np.inf)) * abort / battery.capacity
     times = np.asarray(STEP * (1.0 + np.arange(steps)))
     endurance = hover_endurance(battery, hovering)
     return Energy(times, power, left, voltage, endurance, share)
-
-
-def _cut(pieces: Pieces, count: int) -> list[Pieces]:
-    """Return the pieces, the long ones cut into parts no longer than a step."""
-    long = pieces.end - pieces.start > STEP
-    found = [pieces.select(~long)]
-    if long.any():
-        found.append(pieces.select(long).parts(count))
-    return [part for part in found if len(part)]
 
 
 def _at(coefficients: FloatArray, share: float) -> FloatArray:

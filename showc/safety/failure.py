@@ -16,21 +16,34 @@ Inequalities).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from showc.processes import side_by_side
+from showc.safety.fall import runge_kutta, shares_of_step
 
-    from showc.arrays import FloatArray, IntArray
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.safety.fall import Fall
     from showc.trajectory import PiecewisePolynomial
 
 STEP = 0.1
-"""Time between two moments of a fall [s]."""
+"""Time between two moments of a fall [s]; the way in between is added to the distance
+at which drones meet."""
 SECOND = 1.0
 """Time between two moments at which drones fail [s]."""
+TOGETHER = 16
+"""Seconds that are looked at together: for the memory of their falls."""
+ROWS = 64
+"""Falling drones that are looked at together, for what the processor keeps at hand."""
+ALONE = 10_000
+"""Drones and seconds up to which copies of the process take longer than they save."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,8 +54,8 @@ class Failures:
     """When drones fail, shape (n,) [s]."""
     met: IntArray
     """How many others may be met, shape (n, drones)."""
-    pairs: IntArray
-    """Index of the time, falling drone and drone that may be met, shape (m, 3)."""
+    others: NDArray[np.unsignedinteger[Any]]
+    """Those, counting from 0: of the first time's first drone first, shape (m,)."""
 
     @property
     def share(self) -> float:
@@ -56,23 +69,39 @@ class Failures:
         return int(step), int(drone)
 
     def below(self, step: int, drone: int) -> list[int]:
-        """Drones that may be met, counting from 0."""
-        mine = (self.pairs[:, 0] == step) & (self.pairs[:, 1] == drone)
-        return sorted(self.pairs[mine, 2].tolist())
+        """Drones that may be met, counting from 0, increasing."""
+        row = step * self.met.shape[1] + drone
+        last = int(self.met.ravel()[: row + 1].sum())
+        return list(self.others[last - int(self.met[step, drone]) : last].tolist())
+
+    def meetings(self) -> Iterator[tuple[tuple[int, int], list[int]]]:
+        """Yield each time's index and falling drone that may meet others, and those."""
+        last = 0
+        for step, drone in np.argwhere(self.met).tolist():
+            first, last = last, last + int(self.met[step, drone])
+            yield (step, drone), list(self.others[first:last].tolist())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Cones:
-    """Where falling drones may be between two moments; boxes about the wind's disc."""
+    """Where falling drones may be between two moments; boxes about the wind's disc.
+
+    Of n drones at each of a few seconds.
+    """
 
     centre: FloatArray
-    """Shape (n, 2) [m]."""
+    """Shape (seconds, n, 2) [m]."""
     radius: FloatArray
-    """Shape (n,) [m]."""
+    """Shape (seconds, n) [m]."""
     low: FloatArray
-    """Least height, shape (n,) [m]."""
+    """Least height, shape (seconds, n) [m]."""
     high: FloatArray
-    """Greatest height, shape (n,) [m]."""
+    """Greatest height, shape (seconds, n) [m]."""
+
+    def of(self, second: int, drones: IntArray) -> _Cones:
+        """Return those of some drones at one second alone."""
+        at = second, drones
+        return _Cones(self.centre[at], self.radius[at], self.low[at], self.high[at])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,14 +127,12 @@ class _Bounding:
         return np.stack([climb_low, climb_high, one, one, zero, zero, zero, zero])
 
     def after(self, state: FloatArray, step: float) -> FloatArray:
-        """Return the state (8, n) a ``step`` [s] later, by classical Runge-Kutta."""
-        first = self._slope(state)
-        second = self._slope(state + 0.5 * step * first)
-        third = self._slope(state + 0.5 * step * second)
-        fourth = self._slope(state + step * third)
-        return np.asarray(
-            state + step / 6.0 * (first + 2.0 * (second + third) + fourth)
-        )
+        """Return the state (8, n) a ``step`` [s] later."""
+        climb = np.abs(state[:2]).max(axis=0)
+        shares = shares_of_step(self.drag[1] * np.hypot(self.fast, climb), step)
+        for _ in range(shares):
+            state = runge_kutta(self._slope, state, step / shares)
+        return state
 
     def _slope(self, now: FloatArray) -> FloatArray:
         little, much = self.drag
@@ -161,77 +188,114 @@ def failures(
         Height at which a fall ends [m].
     """
     times = np.arange(states[0].start, states[0].end, SECOND)
-    ticks = np.arange(states[0].start, states[0].end + STEP, 0.5 * STEP)
-    flown = np.stack([state.select(slice(0, 6))(ticks) for state in states], axis=1)
     fastest = max(
-        float(np.linalg.norm(state.coefficients[:, :, 3:6], axis=2).max())
+        float(np.sum(state.coefficients[:, :, 3:6] ** 2, axis=2).max())
         for state in states
     )
     # A way of half a step on both sides of its middle, and the size of both drones.
-    room = 0.5 * STEP * fastest + size
-    per_second = round(SECOND / (0.5 * STEP))
-    found = [np.empty((0, 3), dtype=np.int64)]
+    room = 0.5 * STEP * np.sqrt(fastest) + size
+    parts = [
+        partial(_meetings, states, times[top : top + TOGETHER], fall, (room, ground))
+        for top in range(0, times.size, TOGETHER)
+    ]
+    jobs = None if times.size * len(states) > ALONE else 1
+    found = side_by_side(parts, jobs)
+    return Failures(
+        times,
+        np.concatenate([met for met, _ in found]),
+        np.concatenate([others for _, others in found]),
+    )
+
+
+def _meetings(
+    states: Sequence[PiecewisePolynomial],
+    times: FloatArray,
+    fall: Fall,
+    bounds: tuple[float, float],
+) -> tuple[IntArray, NDArray[np.unsignedinteger[Any]]]:
+    """Find how many others may be met from each of a few ``times``, and which.
+
+    As :class:`Failures` has it. ``bounds`` are the room that a meeting takes, and the
+    height at which a fall ends [m].
+    """
+    room, ground = bounds
+    drones = len(states)
+    cones = _fall(np.stack([state(times) for state in states], axis=1), fall)
+    # In the middle of each step, to the end of the last fall.
+    middles = 0.5 * STEP + np.arange(
+        0.0, times[-1] - times[0] + STEP * len(cones), STEP
+    )
+    places = np.stack([state(times[0] + middles)[:, :3] for state in states], axis=1)
+    met, others = [], []
     for number in range(times.size):
-        first = number * per_second
-        cones = _fall(flown[first], fall)
+        may = np.zeros((drones, drones), dtype=np.bool_)
         for step, cone in enumerate(cones):
-            tick = min(first + 2 * step + 1, ticks.size - 1)
-            falling = np.flatnonzero(cone.high > ground)
+            falling = np.flatnonzero(cone.high[number] > ground)
             if not falling.size:
                 break
-            pairs = _meetings(cone, falling, flown[tick, :, :3], room)
-            found.append(np.insert(pairs, 0, number, axis=1))
-    pairs = np.unique(np.concatenate(found), axis=0)
-    met = np.zeros((times.size, len(states)), dtype=np.int64)
-    np.add.at(met, (pairs[:, 0], pairs[:, 1]), 1)
-    return Failures(times, met, pairs)
+            place = places[round(number * SECOND / STEP) + step]
+            _meet(may, cone.of(number, falling), falling, place, room)
+        np.fill_diagonal(may, val=False)
+        met.append(may.sum(axis=1))
+        others.append(np.nonzero(may)[1].astype(np.min_scalar_type(drones)))
+    return np.stack(met), np.concatenate(others)
 
 
 def _fall(state: FloatArray, fall: Fall) -> list[_Cones]:
-    """Enclose the falls of all drones from states (drones, 6), step by step."""
-    level, climb = state[:, 3:5], state[:, 5]
-    speed = np.linalg.norm(level, axis=1)
+    """Enclose falls of all drones from states (seconds, drones, 6), step by step."""
+    shape = state.shape[:2]
+    place, level, climb = state[..., :2], state[..., 3:5], state[..., 5].ravel()
+    height = state[..., 2]
+    speed = np.linalg.norm(level, axis=2)
     slow, fast = np.maximum(speed - fall.wind, 0.0), speed + fall.wind
-    system = _Bounding(slow, fast, fall.drag, fall.gravity)
+    system = _Bounding(slow.ravel(), fast.ravel(), fall.drag, fall.gravity)
     now = system.start(climb, climb)
     cones: list[_Cones] = []
     time = 0.0
-    while (state[:, 2] + now[5]).max() > 0.0 and len(cones) < round(30.0 / STEP):
+    while (height.ravel() + now[5]).max() > 0.0:
         later = system.after(now, STEP)
         time += STEP
         # M and the drift grow; heights between two steps lie between their ends, but
         # for the top of a rise, which is less than g STEP² / 8 above them.
-        carry_low, carry_high = now[6], later[7]
-        drift = time - later[6]
-        centre = state[:, :2] + 0.5 * (carry_low + carry_high)[:, None] * level
+        carry_low, carry_high = now[6].reshape(shape), later[7].reshape(shape)
+        drift = time - later[6].reshape(shape)
         spare = fall.gravity * STEP**2 / 8.0
         cones.append(
             _Cones(
-                centre,
+                place + 0.5 * (carry_low + carry_high)[..., None] * level,
                 0.5 * (carry_high - carry_low) * speed + fall.wind * drift,
-                state[:, 2] + np.minimum(now[4], later[4]),
-                state[:, 2] + np.maximum(now[5], later[5]) + spare,
+                height + np.minimum(now[4], later[4]).reshape(shape),
+                height + np.maximum(now[5], later[5]).reshape(shape) + spare,
             )
         )
         now = later
     return cones
 
 
-def _meetings(
-    cone: _Cones, falling: IntArray, places: FloatArray, room: float
-) -> IntArray:
-    """Pairs of a falling drone and another that it may meet, shape (m, 2)."""
-    # Only drones at the cone's heights: few, where a fleet is spread in height, and few
-    # steps of a fall, where it is not.
+def _meet(
+    may: BoolArray, cone: _Cones, falling: IntArray, places: FloatArray, room: float
+) -> None:
+    """Mark in ``may`` (drones, drones) which others each falling drone may meet.
+
+    Some falling drones at a time, that are next to each other in height, and only
+    others at their heights: few, where a fleet is spread in height, and few steps of a
+    fall, where it is not.
+    """
     order = np.argsort(places[:, 2], kind="stable")
-    height = places[order, 2]
-    lowest = np.searchsorted(height, cone.low[falling] - room, side="left")
-    beyond = np.searchsorted(height, cone.high[falling] + room, side="right")
-    count = np.maximum(beyond - lowest, 0)
-    first = np.repeat(falling, count)
-    within = np.arange(first.size) - np.repeat(np.cumsum(count) - count, count)
-    other = order[np.repeat(lowest, count) + within]
-    away = places[other, :2] - cone.centre[first]
-    reach = cone.radius[first] + room
-    near = (away[:, 0] ** 2 + away[:, 1] ** 2 <= reach**2) & (first != other)
-    return np.stack([first[near], other[near]], axis=1)
+    x, y, height = places[order].T
+    low, high, reach = cone.low - room, cone.high + room, (cone.radius + room) ** 2
+    rising = np.argsort(low, kind="stable")
+    for top in range(0, falling.size, ROWS):
+        some = rising[top : top + ROWS, None]
+        first = int(np.searchsorted(height, low[some].min(), side="left"))
+        last = int(np.searchsorted(height, high[some].max(), side="right"))
+        if first >= last:
+            continue
+        at = slice(first, last)
+        centre = cone.centre[some]
+        near = (x[at] - centre[..., 0]) ** 2 + (y[at] - centre[..., 1]) ** 2
+        hit = near <= reach[some]
+        hit &= height[at] >= low[some]
+        hit &= height[at] <= high[some]
+        row, other = np.nonzero(hit)
+        may[falling[some[row, 0]], order[first + other]] = True

@@ -1,8 +1,9 @@
 """Regions on the ground that a flight may reach, enclosed.
 
-Every piece of the flight is enclosed in a disc, which says for most that they decide
-nothing. Those that may are enclosed in the direction that matters, and cut until what
-they leave open is small. A bound that all pieces keep, the flight keeps.
+Every piece of the flight is enclosed in a wide disc about its places, which says for
+most that they decide nothing; those that may, in a disc about where falls carry them.
+Those that may still are enclosed in the direction that matters, and cut until what they
+leave open is small. A bound that all pieces keep, the flight keeps.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.safety.landing import Boxes, Courses
+from showc.safety.discs import Boxes
+from showc.safety.landing import Courses
 from showc.script.fence import inside_polygon
 
 if TYPE_CHECKING:
@@ -40,7 +42,7 @@ if TYPE_CHECKING:
     """Of points (n, 2) [m]."""
 
 OPEN = 0.05
-"""Distance that bounds may leave open [m]."""
+"""Distance that bounds may leave open [m]: little beside metres of position error."""
 ROUNDS = 24
 """How often pieces are halved at most; each round leaves half of what was open."""
 DIRECTIONS = 360
@@ -49,10 +51,10 @@ NEAR = 2.0
 """Greatest radius of a piece's own way for which directions are looked at [m]."""
 ROUNDING = 1e-9
 """How far corners and parts of pieces may be beyond what holds them [m, m/s]."""
-GROUP = 8
-"""Pieces that are looked at as one first."""
 BLOCK = 20_000
-"""Pieces that are looked at together."""
+"""Pieces that are looked at together, for what the processor keeps at hand."""
+SMALL = 1_000
+"""Pieces whose wide discs are, for what the processor keeps at hand."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,11 +141,22 @@ class Footing:
             level = level + middle[:, None, None] * pieces.velocity[:, :, :2]
             spread = 0.5 * (fastest - slowest) * boxes.speed_high
             rest = rest + spread
-        low, high = level.min(axis=1), level.max(axis=1)
-        centre = 0.5 * (low + high)
-        motion = np.hypot(*np.moveaxis(level - centre[:, None], 2, 0)).max(axis=1)
+        centre, motion = _around(level)
         rest = rest + self._chord * (np.hypot(*centre.T) + motion)
         return Discs(centre, motion + rest, motion + spread)
+
+    def wide(self, pieces: Pieces) -> Discs:
+        """Enclose what ``pieces`` may reach, whatever the way they fly: quickly."""
+        boxes = boxes_of(pieces, self.ground)
+        rest = np.full(len(pieces), self.wider)
+        if self.table is not None:
+            rest += self.table.farthest(boxes)
+        if self.stop is not None:
+            brake = 0.5 * boxes.speed_high / self.stop.acceleration
+            rest += boxes.speed_high * (self.stop.reaction + brake)
+        centre, motion = _around(pieces.position[:, :, :2])
+        rest = rest + self._chord * (np.hypot(*centre.T) + motion)
+        return Discs(centre, motion + rest, motion + rest)
 
     @property
     def _chord(self) -> float:
@@ -164,6 +177,13 @@ class Footing:
         return np.asarray(found + chord)
 
 
+def _around(level: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Discs that hold points (n, points, 2) [m]: centres (n, 2) and radii (n,)."""
+    centre = 0.5 * (level.min(axis=1) + level.max(axis=1))
+    off = level - centre[:, None]
+    return centre, np.hypot(off[..., 0], off[..., 1]).max(axis=1)
+
+
 def boxes_of(pieces: Pieces, ground: float) -> Boxes:
     """Enclose the states of ``pieces`` that matter for falls to ``ground`` [m]."""
     climb, height = pieces.velocity[:, :, 2], pieces.position[:, :, 2] - ground
@@ -172,7 +192,7 @@ def boxes_of(pieces: Pieces, ground: float) -> Boxes:
     spread = np.linalg.norm(level - middle[:, None], axis=2).max(axis=1)
     speed = np.linalg.norm(middle, axis=1)
     # A polynomial is no faster than the fastest of its control points, whatever the
-    # ball about them holds: a group of pieces stays in the bounds that its pieces set.
+    # ball about them holds.
     fastest = np.linalg.norm(level, axis=2).max(axis=1)
     return Boxes(
         climb.min(axis=1),
@@ -196,17 +216,20 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
     measure
         Numbers that no point may have too small.
     """
-    found = np.full(1, np.inf)
-    places: list[Place] = []
     # Points that are reached for sure say how far bounds need be followed.
-    some = pieces.select(np.arange(0, len(pieces), len(pieces) // BLOCK + 1)).starts()
-    discs = footing.discs(some)
+    some = pieces.select(np.arange(0, len(pieces), len(pieces) // BLOCK + 1))
+    points = some.starts()
+    discs = footing.discs(points)
     low = measure(discs.centre).distance - discs.radius[:, None]
-    reached = _ends(some, low.argmin(axis=0), footing, measure)
-    whole, pieces = pieces, pieces.groups(GROUP)
+    likely = low.argmin(axis=0)
+    reached = _ends(points, likely, footing, measure)
+    found, places = reached, [some.middle(piece) for piece in likely.tolist()]
+    pieces = pieces.select(
+        np.concatenate(list(_deciding(pieces, footing, measure, found)))
+    )
     for cut in range(ROUNDS + 1):
         left, top = [], 0
-        for part in _blocks(pieces):
+        for part in _blocks(pieces, BLOCK):
             discs = footing.discs(part)
             seen = measure(discs.centre)
             low = seen.distance - discs.radius[:, None]
@@ -219,9 +242,7 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
                 )
                 likely = (low + 2.0 * discs.motion[:, None]).argmin(axis=0)
                 reached = np.minimum(reached, _ends(part, likely, footing, measure))
-            # A group has no one drone to name: no bound of it may be the least.
-            enough = reached - OPEN if cut else reached
-            open_ = np.any(low < enough, axis=1) & np.array(cut < ROUNDS)
+            open_ = np.any(low < reached - OPEN, axis=1) & np.array(cut < ROUNDS)
             left.append(top + np.flatnonzero(open_))
             top += len(part)
             sure = np.flatnonzero(~open_)
@@ -236,15 +257,23 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
                 )
             ]
             found = np.minimum(found, own)
-        chosen = np.concatenate(left)
-        if cut:
-            pieces = pieces.select(chosen).parts(2)
-        else:
-            rows = (GROUP * chosen[:, None] + np.arange(GROUP)).ravel()
-            pieces = whole.select(rows[rows < len(whole)])
+        pieces = pieces.select(np.concatenate(left)).parts(2)
         if not len(pieces):
             break
     return Least(found, tuple(places))
+
+
+def _deciding(
+    pieces: Pieces, footing: Footing, measure: Measure, reached: FloatArray
+) -> Iterator[IntArray]:
+    """Yield which pieces may come nearer than what is ``reached`` (m,) [m]."""
+    top = 0
+    for part in _blocks(pieces, SMALL):
+        discs = footing.wide(part)
+        low = measure(discs.centre).distance
+        low -= discs.radius[:, None]
+        yield top + np.flatnonzero((low <= reached).any(axis=1))
+        top += len(part)
 
 
 def _ends(
@@ -289,10 +318,10 @@ def _sharper(
     return np.where(found > seen.line[rows, columns], found, np.nan)
 
 
-def _blocks(pieces: Pieces) -> Iterator[Pieces]:
+def _blocks(pieces: Pieces, size: int) -> Iterator[Pieces]:
     """Pieces in blocks that bound the memory."""
-    for top in range(0, len(pieces), BLOCK):
-        yield pieces.select(np.arange(top, min(top + BLOCK, len(pieces))))
+    for top in range(0, len(pieces), size):
+        yield pieces.select(slice(top, top + size))
 
 
 def hull(pieces: Pieces, footing: Footing) -> FloatArray:
@@ -301,7 +330,8 @@ def hull(pieces: Pieces, footing: Footing) -> FloatArray:
     outward = np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def measure(points: FloatArray) -> Measured:
-        distance = -points @ outward.T
+        # Twice as fast as a product of matrices, whose inner length is two.
+        distance = points[:, :1] * -outward[:, 0] - points[:, 1:] * outward[:, 1]
         away = np.broadcast_to(-outward, (*distance.shape, 2))
         return Measured(distance, away, np.broadcast_to(-np.inf, distance.shape))
 

@@ -1,4 +1,4 @@
-"""Flights cut into pieces of one polynomial each, all drones in the same arrays."""
+"""Flights as pieces of one polynomial each, all drones in the same arrays."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.trajectory import elevation_matrix, restrict
+from showc.trajectory import PiecewisePolynomial, elevation_matrix, restrict
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.reader import LoggedShow
 
@@ -35,9 +37,7 @@ class Pieces:
     end: FloatArray
     """Show time, shape (n,) [s]."""
     state: FloatArray
-    """Bernstein coefficients of the state, shape (n, degree + 1, 12)."""
-    control: FloatArray
-    """Bernstein coefficients of U1..U4, shape (n, control degree + 1, 4)."""
+    """Bernstein coefficients of position and velocity, shape (n, degree + 1, 6)."""
 
     def __len__(self) -> int:
         return int(self.drone.size)
@@ -52,14 +52,13 @@ class Pieces:
         """Bernstein coefficients of the velocity, shape (n, degree + 1, 3) [m/s]."""
         return self.state[:, :, 3:6]
 
-    def select(self, chosen: BoolArray | IntArray) -> Pieces:
-        """Return the ``chosen`` pieces: a mask (n,), or indices."""
+    def select(self, chosen: BoolArray | IntArray | slice) -> Pieces:
+        """Return the ``chosen`` pieces: a mask (n,), indices, or a slice."""
         return Pieces(
             self.drone[chosen],
             self.start[chosen],
             self.end[chosen],
             self.state[chosen],
-            self.control[chosen],
         )
 
     def parts(self, count: int) -> Pieces:
@@ -75,30 +74,7 @@ class Pieces:
             np.repeat(self.drone, count),
             start,
             start + step,
-            *(
-                restrict(np.repeat(part, count, axis=0), share, share + 1.0 / count)
-                for part in (self.state, self.control)
-            ),
-        )
-
-    def groups(self, size: int) -> Pieces:
-        """Return every ``size`` pieces as one, in whose hull they are.
-
-        What is left over in the end makes one with some pieces twice. These are no
-        polynomials: no part of them may be taken.
-        """
-        count = -(-len(self) // size)
-        rows = np.minimum(np.arange(count * size), len(self) - 1).reshape(count, size)
-        state, control = (
-            part[rows].reshape(count, -1, part.shape[2])
-            for part in (self.state, self.control)
-        )
-        return Pieces(
-            self.drone[rows[:, 0]],
-            self.start[rows[:, 0]],
-            self.end[rows[:, -1]],
-            state,
-            control,
+            restrict(np.repeat(self.state, count, axis=0), share, share + 1.0 / count),
         )
 
     def middle(self, piece: int) -> Place:
@@ -108,32 +84,70 @@ class Pieces:
 
     def starts(self) -> Pieces:
         """Return the points at which the pieces start, as pieces without length."""
-        return Pieces(
-            self.drone, self.start, self.start, self.state[:, :1], self.control[:, :1]
-        )
+        return Pieces(self.drone, self.start, self.start, self.state[:, :1])
+
+    def flights(self) -> list[PiecewisePolynomial]:
+        """Return position and velocity of each drone over the whole show.
+
+        For pieces of whole flights, as :func:`flight_pieces` has them.
+        """
+        order = np.lexsort((self.start, self.drone))
+        counts = np.bincount(self.drone)
+        return [
+            PiecewisePolynomial(
+                np.append(self.start[own], self.end[own[-1]]), self.state[own]
+            )
+            for own in np.split(order, np.cumsum(counts)[:-1])
+        ]
 
 
-def flight_pieces(logged: LoggedShow) -> Pieces:
-    """Return the whole flight of all drones of a log, by segment and drone.
+@dataclass(frozen=True, slots=True, eq=False)
+class Flown:
+    """Polynomial pieces of one leg, with all that drones are and do."""
+
+    drone: IntArray
+    """Of each piece, counting from 0, shape (n,)."""
+    start: FloatArray
+    """Show time, shape (n,) [s]."""
+    end: FloatArray
+    """Show time, shape (n,) [s]."""
+    state: FloatArray
+    """Bernstein coefficients of the state, shape (n, degree + 1, 12)."""
+    control: FloatArray
+    """Bernstein coefficients of U1..U4, shape (n, control degree + 1, 4)."""
+
+
+def flown_legs(logged: LoggedShow) -> Iterator[Flown]:
+    """Yield the flights of all drones, leg by leg.
 
     Raises
     ------
     DamagedFileError
         If a trajectory makes no polynomials.
     """
-    found = [
-        (int(drone), segment.start, flown)
-        for segment in logged.segments
-        for drone, flown in zip(segment.drones, segment.trajectories, strict=True)
+    for segment in logged.segments:
+        flown = [segment.trajectory(k) for k in range(segment.drones.size)]
+        breaks = [one.state.breaks + segment.start for one in flown]
+        yield Flown(
+            np.repeat(segment.drones, [one.state.intervals for one in flown]),
+            np.concatenate([one[:-1] for one in breaks]),
+            np.concatenate([one[1:] for one in breaks]),
+            _together([one.state.coefficients for one in flown]),
+            _together([one.control.coefficients for one in flown]),
+        )
+
+
+def flight_pieces(legs: Iterable[Flown]) -> Pieces:
+    """Return the whole flight of all drones, leg by leg."""
+    parts = [
+        Pieces(leg.drone, leg.start, leg.end, leg.state[:, :, :6].copy())
+        for leg in legs
     ]
-    counts = [flown.state.intervals for _, _, flown in found]
-    breaks = [flown.state.breaks + start for _, start, flown in found]
     return Pieces(
-        np.repeat(np.array([drone for drone, _, _ in found]), counts),
-        np.concatenate([one[:-1] for one in breaks]),
-        np.concatenate([one[1:] for one in breaks]),
-        _together([flown.state.coefficients for _, _, flown in found]),
-        _together([flown.control.coefficients for _, _, flown in found]),
+        np.concatenate([one.drone for one in parts]),
+        np.concatenate([one.start for one in parts]),
+        np.concatenate([one.end for one in parts]),
+        _together([one.state for one in parts]),
     )
 
 
@@ -144,6 +158,8 @@ def _together(parts: list[FloatArray]) -> FloatArray:
     most = int(degrees.max())
     joined = np.empty((int(ends[-1]), most + 1, parts[0].shape[2]))
     for degree in np.unique(degrees).tolist():
+        if degree == most and (degrees == most).all():
+            return np.concatenate(parts)
         of_it = np.flatnonzero(degrees == degree)
         rows = np.concatenate(
             [np.arange(ends[k] - len(parts[k]), ends[k]) for k in of_it]

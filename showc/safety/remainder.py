@@ -16,7 +16,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.safety.fall import AIRSPEED, DRAG_CELLS, STEP
+from showc.safety.fall import (
+    AIRSPEED,
+    DRAG_CELLS,
+    STEP,
+    runge_kutta,
+    shares_of_step,
+)
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -251,10 +257,9 @@ class _Slowest:
         )
         history = [now]
         while now[1].min() < height + self.above.max():
-            one = self._slope(now)
-            two = self._slope(now + 0.5 * STEP * one)
-            three = self._slope(now + 0.5 * STEP * two)
-            four = self._slope(now + STEP * three)
-            now = now + STEP / 6.0 * (one + 2.0 * (two + three) + four)
+            rub = most * np.hypot(now[0], self.air * np.exp(-self.least * now[1]))
+            shares = shares_of_step(rub, STEP)
+            for _ in range(shares):
+                now = runge_kutta(self._slope, now, STEP / shares)
             history.append(now)
         return np.maximum.accumulate(np.stack(history), axis=0)

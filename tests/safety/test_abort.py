@@ -55,6 +55,12 @@ def test_drones_that_stand_apart_go_down_in_place(logged, options, monkeypatch):
         assert all(flight.duration == pytest.approx(row.duration) for row in rows)
 
 
+def test_drones_apart_along_an_axis_go_down_in_place(logged, options, monkeypatch):
+    apart = Separation(1.5, "any-axis")
+    table, _, _ = planned(logged, options, monkeypatch, step=14.0, separation=apart)
+    assert {row.way for row in table.rows} <= {"down in place", "on the ground"}
+
+
 def rows_from(places, table, logged):
     states = [logged.trajectory(k).state for k in range(logged.drones)]
     stood = [np.array([state(row.rest)[:3] for state in states]) for row in table.rows]

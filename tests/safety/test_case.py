@@ -15,15 +15,15 @@ from showc.safety.assessment import safety_case, show_of
 from showc.safety.ground import (
     Footing,
     area,
-    boxes_of,
     corners_of,
     hull,
     least,
     outside,
 )
-from showc.safety.pieces import Pieces, flight_pieces
+from showc.safety.pieces import flight_pieces, flown_legs
 from showc.script.show import Audience, Building, Risk
 from showc.vehicle.power import SEA_LEVEL, air_density
+from showc.view import render_report
 
 RISK = Risk(wind=8.0, gnss_error=0.1, position_error=0.2, map_error=0.0)
 
@@ -80,19 +80,6 @@ def test_a_million_falls_stay_in_the_footprint_which_is_close(logged, show):
     assert (farthest <= reach).all()
     assert (reach <= 1.05 * farthest).all()
     assert area(case.footprint) <= 1.05 * area(corners_of(outward, farthest))
-
-
-def test_a_group_of_pieces_that_turn_is_no_faster_than_its_fastest_piece():
-    angle = np.linspace(0.0, np.pi, 33)
-    state = np.zeros((8, 5, 12))
-    for piece in range(8):
-        turned = angle[4 * piece : 4 * piece + 5]
-        state[piece, :, 3:5] = 5.0 * np.stack([np.cos(turned), np.sin(turned)], axis=1)
-    none = np.zeros(8)
-    pieces = Pieces(none.astype(int), none, none, state, np.zeros((8, 2, 4)))
-    whole = boxes_of(pieces.groups(8), 0.0)
-    assert whole.speed_high.max() <= boxes_of(pieces, 0.0).speed_high.max()
-    assert whole.speed_high.max() == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize("size", [(20.0, 7.0), (5.0, 0.0), (0.0, 0.0)])
@@ -187,8 +174,26 @@ def test_the_formula_that_is_asked_for_is_judged(logged, show):
     assert "SAF112" in {item.code for item in safety_case(logged, people).errors}
 
 
+def test_a_report_is_no_greener_than_its_safety_case(logged, show):
+    people = around(show, audience=(line((-9.0, -9.0), (9.0, -9.0)),))
+    page = render_report(logged, None, safety_case(logged, people))
+    assert page.index("SAFETY OF THE SITE: NOT MET") < page.index("<h2>Site")
+
+
+def test_wind_that_leans_a_standing_drone_too_far_is_found(logged, show):
+    for wind, found in ((8.0, False), (20.0, True)):
+        case = safety_case(logged, around(show, risk=replace(RISK, wind=wind)))
+        assert ("SAF203" in {item.code for item in case.findings}) == found
+        # Drag of 0.5 rho A w² against the weight.
+        area = show.body.drag_area[1]
+        drag = 0.5 * SEA_LEVEL * area * wind**2
+        lean = np.arctan(drag / show.vehicle.mass / show.vehicle.gravity)
+        assert case.leans[0] == pytest.approx(lean)
+        assert case.leans[1] > lean
+
+
 def test_cutting_pieces_changes_no_bound_but_for_the_better(logged):
-    pieces = flight_pieces(logged)
+    pieces = flight_pieces(flown_legs(logged))
     away = outside(np.array([[20.0, -50.0], [30.0, -50.0], [30.0, 50.0]]))
     coarse = least(pieces, Footing(), away).bound
     fine = least(pieces.parts(4), Footing(), away).bound
@@ -198,9 +203,10 @@ def test_cutting_pieces_changes_no_bound_but_for_the_better(logged):
     )
 
 
-def test_the_command_writes_page_and_map_with_a_folder_a_volume(compiled, run_showc):
-    log = compiled("swap")
-    page = log.with_name("case.html")
+def test_the_command_writes_page_and_map_with_a_folder_a_volume(
+    compiled, run_showc, tmp_path
+):
+    log, page = compiled("swap"), tmp_path / "case.html"
     run = run_showc("safety", log, "-o", page, "--wind", "5", "--json")
     said = json.loads(run.out)
     assert run.code == int(any(one["severity"] == "error" for one in said["findings"]))
@@ -209,6 +215,14 @@ def test_the_command_writes_page_and_map_with_a_folder_a_volume(compiled, run_sh
     space = "{http://www.opengis.net/kml/2.2}"
     names = {folder.findtext(f"{space}name") for folder in tree.iter(f"{space}Folder")}
     assert {volume["name"] for volume in said["volumes"]} <= names
+    falls = said["failures"]["falls"]
+    assert falls
+    logged = read_log(log)
+    case = safety_case(logged, around(show_of(logged), risk=replace(RISK, wind=5.0)))
+    met = case.failures.meetings()
+    assert [(one["drone"] - 1, one["may_meet"]) for one in falls] == [
+        (drone, [other + 1 for other in others]) for (_, drone), others in met
+    ]
 
 
 def test_explain_knows_every_code(run_showc):

@@ -9,8 +9,8 @@ from showc.log import showc_pb2 as pb
 from showc.log.reader import read_log
 from showc.log.schema import ABORT_NAME
 from showc.safety.assessment import safety_case, show_of
-from showc.safety.energy import current, flight_energy, hover_endurance
-from showc.safety.pieces import flight_pieces
+from showc.safety.energy import Draw, current, flight_energy, hover_endurance
+from showc.safety.pieces import flown_legs
 from showc.vehicle import PRESETS
 from showc.vehicle.power import Power, air_density, rotor_thrusts
 
@@ -89,9 +89,11 @@ def test_the_voltage_under_load_gives_the_power():
 
 def test_energy_is_the_integral_of_power_over_the_flight(logged):
     show = show_of(logged)
-    pieces = flight_pieces(logged)
-    found = flight_energy(pieces, show.vehicle, show.battery, 0.0)
     model = Power.of(show.battery, show.vehicle)
+    draw = Draw(show.vehicle, model, logged.drones, logged.duration)
+    for _ in draw.along(flown_legs(logged)):
+        pass
+    found = flight_energy(draw, show.battery, 0.0)
     flown = logged.trajectory(0)
     times = np.linspace(0.0, logged.duration, 20_001)
     thrusts = rotor_thrusts(show.vehicle, flown.control(times))

@@ -8,7 +8,7 @@ from showc.log.reader import read_log
 from showc.safety.failure import failures
 from showc.safety.fall import Fall
 from showc.safety.ground import Footing, Stopping, least, within
-from showc.safety.pieces import flight_pieces
+from showc.safety.pieces import flight_pieces, flown_legs
 from showc.trajectory import PiecewisePolynomial
 
 DRAG = (0.02, 0.04)
@@ -31,17 +31,48 @@ def met(wind, *places, **more):
     return failures(hovering(*places, **more), fall, 0.4, 0.0)
 
 
+def named(found):
+    """Pairs of a falling drone and one that it may meet, at any second."""
+    return {(drone, other) for (_, drone), row in found.meetings() for other in row}
+
+
 def test_in_calm_air_only_the_drone_below_is_met():
     found = met(0.0, (0.0, 0.0, 30.0), (0.0, 0.0, 10.0), (5.0, 0.0, 10.0))
-    assert {tuple(pair) for pair in found.pairs[:, 1:].tolist()} == {(0, 1)}
+    assert named(found) == {(0, 1)}
     assert found.below(0, 0) == [1]
     assert found.share == pytest.approx(1.0 / 3.0, abs=0.12)
 
 
+@pytest.mark.parametrize(("drag", "height"), [(DRAG, 900.0), ((0.5, 1.0), 150.0)])
+def test_the_longest_falls_are_followed_to_the_ground(drag, height):
+    # The first ends after a minute, the second, under a parachute, after as long.
+    fleet = hovering((0.0, 0.0, height), (1.0, 0.0, 3.0))
+    found = failures(fleet, Fall(MASS, drag, 1.0), 0.4, 0.0)
+    assert (0, 1) in named(found)
+
+
 def test_wind_widens_the_cone():
     places = (0.0, 0.0, 40.0), (5.0, 0.0, 5.0)
-    assert not met(0.0, *places).pairs.size
-    assert met(8.0, *places).pairs.size
+    assert not named(met(0.0, *places))
+    assert named(met(8.0, *places))
+
+
+def test_every_meeting_is_of_its_own_second_and_drone(monkeypatch):
+    rng = np.random.default_rng(4)
+    fleet = hovering(*rng.uniform((-9.0, -9.0, 2.0), (9.0, 9.0, 30.0), (40, 3)))
+    fall = Fall(MASS, DRAG, 3.0)
+    found = failures(fleet, fall, 0.4, 0.0)
+    for (step, drone), row in found.meetings():
+        assert found.below(step, drone) == row
+        assert found.met[step, drone] == len(row)
+    assert sum(len(row) for _, row in found.meetings()) == found.others.size
+    # Neither copies of the process nor what they look at together change anything.
+    monkeypatch.setattr("showc.safety.failure.ALONE", 0)
+    monkeypatch.setattr("showc.safety.failure.TOGETHER", 1)
+    monkeypatch.setattr("showc.safety.failure.ROWS", 3)
+    again = failures(fleet, fall, 0.4, 0.0)
+    assert (again.met == found.met).all()
+    assert (again.others == found.others).all()
 
 
 def test_a_drone_that_moves_falls_ahead():
@@ -58,7 +89,7 @@ def test_no_sampled_fall_meets_a_drone_that_is_not_named():
         [rng.uniform(-6.0, 6.0, (8, 2)), rng.uniform(2.0, 30.0, 8)]
     )
     found = met(6.0, *places, duration=2.0)
-    named = {tuple(pair) for pair in found.pairs[:, 1:].tolist()}
+    pairs = named(found)
     for falling, place in enumerate(places):
         for other, there in enumerate(places):
             drop = place[2] - there[2]
@@ -70,11 +101,11 @@ def test_no_sampled_fall_meets_a_drone_that_is_not_named():
                 np.zeros((200, 3)), np.full(200, drop), wind, rng.choice(DRAG, 200)
             )
             gap = np.linalg.norm(place[:2] + ways - there[:2], axis=1)
-            assert gap.min() > 0.4 or (falling, other) in named
+            assert gap.min() > 0.4 or (falling, other) in pairs
 
 
 def test_braking_needs_the_way_of_its_own_speed(compiled):
-    pieces = flight_pieces(read_log(compiled("swap")))
+    pieces = flight_pieces(flown_legs(read_log(compiled("swap"))))
     wall = within(
         np.array([[-90.0, -90.0], [90.0, -90.0], [90.0, 90.0], [-90.0, 90.0]])
     )

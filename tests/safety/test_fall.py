@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from safety.falls import MASS, landings
 
-from showc.safety.fall import Fall
-from showc.safety.landing import Boxes, Courses, FallTable
+from showc.safety.discs import Boxes
+from showc.safety.fall import Fall, falls
+from showc.safety.landing import Courses, FallTable
 from showc.vehicle.power import SEA_LEVEL
 
 DRAG, WIND = (0.02, 0.04), 8.0
@@ -130,3 +131,13 @@ def test_no_impact_is_faster_than_the_bound(table):
 def test_a_state_outside_the_table_is_refused(table):
     with pytest.raises(ValueError, match="outside the bounds"):
         impacts(table, 0.0, 0.0, 61.0)
+
+
+def test_falls_under_a_parachute_are_those_of_a_finer_integration(monkeypatch):
+    grid = np.array([-4.0, 3.0]), np.array([0.0, 22.0]), np.array([0.5, 10.0])
+    levels = np.array([0.0, 0.2, 2.0, 20.0])
+    coarse = falls(*grid, levels, 9.81)
+    monkeypatch.setattr("showc.safety.fall.STIFF", 0.005)
+    fine = falls(*grid, levels, 9.81)
+    for one, other in zip(coarse, fine, strict=True):
+        assert one == pytest.approx(other, abs=1e-4)

@@ -55,6 +55,30 @@ def test_accelerations_hold_at_every_instant_of_a_stop(velocities, authority):
                     assert -authority.down - ROUNDING <= z <= authority.up + ROUNDING
 
 
+def room_of_all(motion):
+    """Return what :class:`_Course` does, with every drone looked at closely."""
+
+    def room(_course, authority, when, rates, change):
+        speed, push = motion.over(*when)
+        rooms = [
+            authority.room(np.sign(change) * speed, rate**2 * push) for rate in rates
+        ]
+        return min(abs(change), *(float(one.min()) for one in rooms))
+
+    return room
+
+
+def test_a_close_look_at_some_drones_finds_the_room_of_all(
+    velocities, authority, monkeypatch
+):
+    motion = Motion.of(velocities)
+    quick = stops(motion, authority, 0.7)
+    monkeypatch.setattr("showc.safety.stop._Course.room", room_of_all(motion))
+    slow = stops(motion, authority, 0.7)
+    for one, other in zip(quick.changes, slow.changes, strict=True):
+        assert one == pytest.approx(other, abs=1e-9)
+
+
 def test_every_second_has_a_stop_and_a_short_one(velocities, authority):
     found = stops(Motion.of(velocities), authority, 1.0)
     assert found.times.size == int(np.ceil(velocities[0].end))
