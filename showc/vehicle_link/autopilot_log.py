@@ -31,6 +31,9 @@ WEEK = 604_800
 LEAP_SECONDS = 18
 """GPS time less UTC since 2017 [s]; no further leap second is announced."""
 
+MISSION_NAME = re.compile(r"drone_(\d{4,})")
+"""Of a mission's file without its ending; a card's log of that name is that drone's."""
+
 AUTO = 3
 """Mode of ArduCopter that flies missions."""
 
@@ -145,11 +148,15 @@ def read_autopilot_log(path: Path) -> list[AutopilotTrack]:
 
 def _card(path: Path) -> list[_Rows]:
     """Read ArduPilot's own log: one vehicle."""
+    named = MISSION_NAME.fullmatch(path.stem)
     found = _Rows(_number(path))
     log = DFReader.DFReader_binary(str(path))
     wanted = ["POS", "GPS", "GPA", "MODE", "PARM", "EV"]
     while (message := log.recv_match(type=wanted)) is not None:
         _take_card_row(found, message)
+    if named:
+        # A vehicle that flies a fleet's missions in turn keeps one system id.
+        found.system = int(named[1])
     return [found]
 
 

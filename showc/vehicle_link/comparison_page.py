@@ -12,7 +12,8 @@ from showc.view.plot import Curve, line_plot
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.vehicle_link.compare import Comparison, Flown, LegComparison
+    from showc.vehicle_link.compare import Comparison, LegComparison
+    from showc.vehicle_link.overlay import Flown
 
 
 STEPS = 800

@@ -13,9 +13,10 @@ from showc.progress import Silent
 from showc.safety.stop import Authority
 from showc.vehicle.presets import ARDUCOPTER
 from showc.vehicle_link.clock import History, Rounds, ShowClock
-from showc.vehicle_link.network import AUTOPILOT_COMPONENT, Address
-from showc.vehicle_link.pilot import ParameterWishes, Phase, Pilot
+from showc.vehicle_link.network import AUTOPILOT_COMPONENT, LISTENING, Address
+from showc.vehicle_link.pilot import Phase, Pilot
 from showc.vehicle_link.setpoints import authority_of
+from showc.vehicle_link.tuning import ParameterWishes
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -25,10 +26,6 @@ if TYPE_CHECKING:
     from showc.vehicle_link.setpoints import Instant, StreamPlan
     from showc.vehicle_link.stream import Stop, StreamOptions
 
-
-LISTENING = 1.5
-"""Time for which a vehicle is listened to before anything is armed [s]: longer than the
-second between heartbeats, so that another one with its system id is noticed."""
 
 COUNTDOWN = 1.0
 """Time between the readiness of all vehicles and the start of the clock [s]."""
@@ -241,9 +238,9 @@ class Conductor:
     def _authority(self) -> Authority:
         """Return the accelerations that every vehicle follows, or the plan asks for."""
         found = [
-            authority_of(pilot.parameters | _raised(pilot))
+            authority_of(pilot.tuning.flown_with)
             for pilot in self.pilots
-            if pilot.parameters
+            if pilot.tuning.parameters
         ]
         plan = self.plan.authority
         if len(found) < len(self.pilots):
@@ -497,8 +494,3 @@ def _half_way(pads: FloatArray, index: int) -> float:
     gaps = np.linalg.norm((pads - pads[index])[:, :2], axis=1)
     gaps[index] = np.inf
     return 0.5 * float(gaps.min())
-
-
-def _raised(pilot: Pilot) -> dict[str, float]:
-    """Parameters of a vehicle that were changed, at what they were changed to."""
-    return {name: pilot.flown(name) for name in pilot.raised}

@@ -18,13 +18,20 @@ from showc.vehicle_link.clock import WallClock
 from showc.vehicle_link.frames import Codec, Framer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
     from types import TracebackType
 
     from showc.vehicle_link.clock import Clock
 
+LAST_SYSTEM = 250
+"""Greatest system id of a vehicle; the rest is for ground stations."""
+
 AUTOPILOT_COMPONENT = 1
-"""Component id of an autopilot."""
+"""Component id of an autopilot: MAV_COMP_ID_AUTOPILOT1."""
+
+LISTENING = 1.5
+"""Time for which a vehicle is listened to before it is written to, or armed [s]: longer
+than the second between heartbeats, so that a second one with its id is noticed."""
 
 LARGEST_DATAGRAM = 2048
 """Bytes read of a datagram: vehicles send no more than fits an Ethernet frame."""
@@ -106,6 +113,20 @@ class _Home:
     origin: Origin
 
 
+def _sound(systems: Sequence[int]) -> frozenset[int]:
+    """Return the ids of vehicles, each in range and its own."""
+    if len(set(systems)) < len(systems):
+        raise UsageError("two drones have the same system id; give every drone its own")
+    beyond = [system for system in systems if not 1 <= system <= LAST_SYSTEM]
+    if beyond:
+        raise UsageError(
+            f"system id {beyond[0]} is out of range; wanted 1 to {LAST_SYSTEM}: a "
+            "large fleet is reached network by network, such as with --drones 251-500 "
+            "--systems 1-250"
+        )
+    return frozenset(systems)
+
+
 class Network:
     """All links of a fleet.
 
@@ -124,13 +145,14 @@ class Network:
     Raises
     ------
     UsageError
-        If a connection is not worded so, or cannot be opened.
+        If a connection is not worded so, or cannot be opened, or an id is none that
+        a vehicle may have, or is given twice.
     """
 
     def __init__(
         self,
         connections: Sequence[str],
-        systems: Iterable[int],
+        systems: Sequence[int],
         *,
         key: bytes | None = None,
         clock: Clock | None = None,
@@ -144,7 +166,7 @@ class Network:
         """Ids that two addresses claim: the vehicle's and the other's."""
         self.untrusted: set[int] = set()
         """Ids that were heard without the signature that is asked for."""
-        self._systems = frozenset(systems)
+        self._systems = _sound(systems)
         self._codec = Codec(key)
         self._links: list[_Link] = []
         self._homes: dict[int, _Home] = {}

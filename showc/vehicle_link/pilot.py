@@ -7,28 +7,22 @@ while no answer comes, and what counts then is what the vehicle tells of itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from showc.vehicle_link.questions import (
-    Questions,
-    read_parameter,
-    result_name,
-    set_parameter,
-)
+from showc.vehicle_link.questions import result_name
 from showc.vehicle_link.telemetry import Telemetry
-from showc.vehicle_link.wire import single
+from showc.vehicle_link.tuning import Tuning
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from showc.arrays import FloatArray
     from showc.geodesy import SiteFrame
     from showc.vehicle_link.network import Address
+    from showc.vehicle_link.tuning import ParameterWishes
 
 
 POSITION_VELOCITY_ACCELERATION = 0x0C00
@@ -42,9 +36,6 @@ RETRY = 1.5
 
 ATTEMPTS = 10
 """How often an order is given without an answer."""
-
-STALE = 10.0
-"""How late an answer may come that was given before a parameter was written [s]."""
 
 AT_HEIGHT = 0.5
 """A vehicle has taken off when it is this near its height [m]."""
@@ -66,8 +57,7 @@ POSITION_INTERVALS = {
 GUIDED, BRAKE = 4, 17
 """Modes of ArduCopter."""
 
-PX4_OFFBOARD = (6, 0)
-PX4_HOLD = (4, 3)
+PX4_OFFBOARD, PX4_HOLD = (6, 0), (4, 3)
 """Main and sub modes of PX4."""
 
 
@@ -103,18 +93,6 @@ class _Order:
     due: float
     tries: int = 0
     over: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class ParameterWishes:
-    """What the parameters of a vehicle must be for the show."""
-
-    needs: Mapping[str, float]
-    """Least values that following the show needs, by name."""
-    writes: bool = False
-    """Whether parameters that are less may be raised, until the vehicle has landed."""
-    gains: Mapping[str, float] = field(default_factory=dict)
-    """Parameters that are given these values for as long, whatever they were."""
 
 
 class Pilot:
@@ -153,25 +131,13 @@ class Pilot:
         self.vehicle = vehicle
         self.frame = frame
         self.start, self.pad, self.reach = start, pad, reach
-        self.needs, self.writes = dict(wishes.needs), wishes.writes
-        self.gains = {
-            name: max(value, self.needs.get(name, value))
-            for name, value in wishes.gains.items()
-        }
+        self.tuning = Tuning(vehicle, wishes)
         self.phase = Phase.UNHEARD
         self.reason = ""
         self.tells = Telemetry(frame)
         self.setpoints = 0
-        self.parameters: dict[str, float] = {}
-        """What it says of the parameters that matter."""
-        self.raised: dict[str, float] = {}
-        """Former values of parameters that were changed."""
-        self._settled = 0.0
-        self.changed = ""
-        """Which parameter was changed that the show is flown with."""
         self._orders: dict[int, _Order] = {}
         self._asked_for = list(POSITION_INTERVALS)
-        self._questions: Questions | None = None
         self._takeoff_refused: float | None = None
 
     def handle(self, message: Any, now: float) -> None:  # noqa: ANN401
@@ -181,41 +147,10 @@ class Pilot:
         if kind == "HEARTBEAT" and self.phase is Phase.UNHEARD:
             self.phase = Phase.UNPLACED
         elif kind == "PARAM_VALUE":
-            self._parameter(str(message.param_id), float(message.param_value), now)
+            unsettled = {Phase.CHECKING, Phase.WRITING, *DOWN}
+            self.tuning.handle(message, now, heed=self.phase not in unsettled)
         elif kind == "COMMAND_ACK":
             self._acknowledged(int(message.command), int(message.result), now)
-
-    def _parameter(self, name: str, value: float, now: float) -> None:
-        questions = self._questions
-        if questions is None or name not in questions.open:
-            self._overheard(name, value, now)
-            return
-        self.parameters[name] = value
-        if self.phase is Phase.CHECKING or value == self._wanted(name):
-            questions.answered(name)
-            self._settled = now
-
-    def _overheard(self, name: str, value: float, now: float) -> None:
-        """Heed a parameter that another ground station has set.
-
-        A late answer, from before it was written, says nothing.
-        """
-        if self.phase in {Phase.CHECKING, Phase.WRITING, *DOWN}:
-            return
-        late = value == self.raised.get(name) and now - self._settled < STALE
-        short = name in self.needs and not value >= single(self.needs[name])
-        other = name in self.gains and value != self.flown(name)
-        if (short or other) and not late:
-            self.changed = f"was given {name} {value:g} by another; it flies with "
-            self.changed += f"{self.flown(name):g}"
-
-    def _wanted(self, name: str) -> float:
-        """Value that is being written."""
-        return self.flown(name) if self.phase is Phase.WRITING else self.raised[name]
-
-    def flown(self, name: str) -> float:
-        """Return the value with which the show is flown, of a changed parameter."""
-        return single(self.gains.get(name, self.needs.get(name, 0.0)))
 
     # --- towards the show -----------------------------------------------------------
 
@@ -273,80 +208,36 @@ class Pilot:
             self.fail("is armed; a show begins with vehicles that are disarmed")
             return
         tells.anchor(self.pad)
-        if self.tells.ardupilot and self.needs:
+        if self.tells.ardupilot and self.tuning.needs:
             self.phase = Phase.CHECKING
-            self._questions = Questions(
-                list(self.needs | self.gains),
-                lambda name: read_parameter(self.vehicle, name),
-            )
+            self.tuning.read()
         else:
             self.phase = Phase.UNREADY
 
     def _look_at_parameters(self, now: float) -> list[Any]:
         """Read the parameters that matter; change those with which it cannot follow."""
-        questions = self._questions
-        assert questions is not None  # noqa: S101 - made when the phase began
-        if questions.open:
-            out = questions.due(now)
-            if questions.exhausted is not None:
-                self.fail(
-                    f"does not answer for parameter {questions.exhausted}; wanted "
-                    f"at least {self.flown(questions.exhausted):g}"
-                )
-            return out
-        short = {
-            name: value
-            for name, value in self.parameters.items()
-            if name in self.needs and not value >= single(self.needs[name])
-        }
-        other = {
-            name: value
-            for name, value in self.parameters.items()
-            if name in self.gains and value != self.flown(name)
-        }
-        if not short and not other:
+        out = self.tuning.look(now)
+        if self.tuning.fault:
+            self.fail(self.tuning.fault)
+        elif self.tuning.settled:
             self.phase = Phase.UNREADY
-        elif not self.writes and short.keys() - other.keys():
-            found = ", ".join(
-                f"{name} {value:g} (wanted {self.needs[name]:g})"
-                for name, value in short.items()
-            )
-            self.fail(
-                f"cannot follow the show: {found}; set them, or give --set-parameters"
-            )
-        else:
-            self.phase, self.raised = Phase.WRITING, short | other
-            self._questions = Questions(
-                list(self.raised),
-                lambda name: set_parameter(self.vehicle, name, self.flown(name)),
-            )
-        return []
-
-    def restore(self, now: float) -> list[Any]:
-        """Give raised parameters their former values; return the messages to send."""
-        if not self.raised:
-            return []
-        if self.phase is not Phase.LANDED or self._questions is None:
-            return []
-        if not self._questions.open or self._questions.exhausted is not None:
-            return []
-        return self._questions.due(now)
+        elif self.tuning.raised:
+            self.phase = Phase.WRITING
+        return out
 
     def landed(self) -> None:
         """Note that the vehicle has landed and disarmed."""
         self.phase = Phase.LANDED
-        self._questions = Questions(
-            list(self.raised),
-            lambda name: set_parameter(self.vehicle, name, self.raised[name]),
-        )
+        self.tuning.give_back()
+
+    def restore(self, now: float) -> list[Any]:
+        """Give raised parameters their former values; return the messages to send."""
+        return [] if self.restored else self.tuning.due(now)
 
     @property
     def restored(self) -> bool:
         """Whether no parameter is left raised, or nothing can be done about it."""
-        questions = self._questions
-        if not self.raised or self.phase is not Phase.LANDED or questions is None:
-            return True
-        return not questions.open or questions.exhausted is not None
+        return self.phase is not Phase.LANDED or self.tuning.over
 
     def _climbed(self, now: float) -> None:
         """See whether a vehicle that takes off is where it joins the show."""
@@ -429,14 +320,14 @@ class Pilot:
             off = float(np.linalg.norm((place.position - self.pad)[:2]))
             if off > 2.0 * self.reach:
                 return f"has moved {off:.1f} m from its pad"
-        return self.tells.fault or self.changed
+        return self.tells.fault or self.tuning.changed
 
     def trouble(self, now: float, link_timeout: float) -> str:
         """Say what is wrong with a vehicle in flight; empty: nothing."""
         if self.off_mode() and not self.tells.fault:
             return "left its mode or disarmed"
-        if self.changed:
-            return self.changed
+        if self.tuning.changed:
+            return self.tuning.changed
         return self.tells.trouble(now, link_timeout)
 
     def hold(self, now: float) -> list[Any]:

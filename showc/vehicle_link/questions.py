@@ -19,7 +19,7 @@ IMPATIENCE = 1.5
 """Factor by which patience grows with every repetition."""
 
 LONGEST_PATIENCE = 8.0
-"""Where it ends [s]."""
+"""Where it ends [s]: reached at the fourth repetition."""
 
 ATTEMPTS = 6
 """How often a question is put before the vehicle counts as silent: 32 s in all."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.autopilot.parameters import GRAVITY
 from showc.errors import UsageError
 from showc.geodesy import SiteFrame
 from showc.safety.stop import Authority, Motion
+from showc.vehicle import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -148,9 +148,8 @@ class StreamPlan:
         level = float(np.linalg.norm(speed[:, :2], axis=1).max(initial=0.0))
         authority = self.authority
         upright = max(authority.up, authority.down)
-        tilt = np.arctan2(
-            np.linalg.norm(push[:, :2], axis=1), np.maximum(GRAVITY + push[:, 2], 0.1)
-        )
+        lift = np.maximum(STANDARD_GRAVITY + push[:, 2], 0.1)
+        tilt = np.arctan2(np.linalg.norm(push[:, :2], axis=1), lift)
         needs = {
             "WPNAV_SPEED": 100.0 * level,
             "WPNAV_SPEED_UP": 100.0 * float(speed[:, 2].max(initial=0.0)),

@@ -46,7 +46,8 @@ ASKED_TOO_OFTEN = 40
 """How often a vehicle may ask for one item in a run: ArduPilot asks 8 times at most."""
 
 PAUSE = 2.0
-"""Time before it is begun again [s]."""
+"""Time without a message before it is begun again [s]: what the former run still has
+under way has come by then."""
 
 HARMLESS = {dialect.MAV_MISSION_INVALID_SEQUENCE}
 """Answers that say nothing: a second copy of an item came."""

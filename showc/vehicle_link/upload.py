@@ -13,7 +13,7 @@ from showc.files import UnreadableFileError, read_file, write_file
 from showc.progress import Silent
 from showc.vehicle_link.clock import WallClock
 from showc.vehicle_link.folder import read_fleet
-from showc.vehicle_link.network import AUTOPILOT_COMPONENT, Address, Network
+from showc.vehicle_link.network import AUTOPILOT_COMPONENT, LISTENING, Address, Network
 from showc.vehicle_link.transfer import RUNS, State, Transfer
 
 if TYPE_CHECKING:
@@ -28,15 +28,8 @@ SILENT = Silent()
 _RECORD_BYTES = 100_000_000
 """Largest record of uploads that is read [bytes]."""
 
-LAST_SYSTEM = 250
-"""Greatest system id of a vehicle; the rest is for ground stations."""
-
 AT_ONCE = 20
 """Vehicles that are written to at the same time."""
-
-LISTENING = 1.5
-"""Time between the first word of a vehicle and the first to it [s]: longer than the
-second between heartbeats, so that another one with its system id is noticed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +145,8 @@ def upload_missions(
     if options.missing:
         holding = _holding(fleet, former)
         chosen = [mission for mission in chosen if mission.drone not in holding]
-    vehicles = _systems(chosen, options.systems or {})
+    ids = options.systems or {}
+    vehicles = [ids.get(mission.drone, mission.drone) for mission in chosen]
     transfers = {
         mission: Transfer(
             Address(system, AUTOPILOT_COMPONENT),
@@ -198,20 +192,6 @@ def _chosen(fleet: FleetFolder, drones: Sequence[int] | None) -> list[FleetMissi
             "from 1"
         )
     return [known[drone] for drone in sorted(set(drones))]
-
-
-def _systems(chosen: list[FleetMission], systems: Mapping[int, int]) -> list[int]:
-    """System id of each chosen drone's vehicle."""
-    found = [systems.get(mission.drone, mission.drone) for mission in chosen]
-    if len(set(found)) < len(found):
-        raise UsageError("two drones have the same system id; give every drone its own")
-    beyond = [system for system in found if not 1 <= system <= LAST_SYSTEM]
-    if beyond:
-        raise UsageError(
-            f"system id {beyond[0]} is out of range; wanted 1 to {LAST_SYSTEM}: upload "
-            "a large fleet network by network, with system ids of its own on each"
-        )
-    return found
 
 
 def _run(

@@ -13,10 +13,11 @@ from showc.log.reader import read_log
 from showc.log.writer import write_log
 from showc.mission import mission_files
 from showc.vehicle_link.autopilot_log import read_autopilot_log
-from showc.vehicle_link.compare import compare_flown, compared, load_flown
+from showc.vehicle_link.compare import compared
 from showc.vehicle_link.comparison_page import render_comparison
 from showc.vehicle_link.course import course_of
 from showc.vehicle_link.flown import FlownLog
+from showc.vehicle_link.overlay import load_flown
 
 UTC_ZERO = START.timestamp()
 
@@ -63,18 +64,30 @@ def sampled(course):
 
 
 def fly_missions(
-    folder, log, *, late=0.0, beside=0.0, kind="missions", zero=UTC_ZERO, held_up=None
+    folder,
+    log,
+    *,
+    late=0.0,
+    beside=0.0,
+    kind="missions",
+    zero=UTC_ZERO,
+    held_up=None,
+    named=lambda drone: (f"{drone:02d}.BIN", drone + 1),
 ):
-    """Write the cards of a fleet that flew its plan, late and beside it."""
+    """Write the cards of a fleet that flew its plan, late and beside it.
+
+    ``named`` gives a card's name, and the system id in it.
+    """
     folder.mkdir(exist_ok=True)
     show = read_log(log)
     course = course_of(show, kind)
     times = sampled(course)
     for drone in range(show.drones):
         places = course.at(drone, times - late) + np.array([0.0, beside, 0.0])
+        name, system = named(drone)
         card_log(
-            folder / f"{drone:02d}.BIN",
-            drone + 1,
+            folder / name,
+            system,
             times + zero,
             zero - 100.0 - drone,
             geodetic(show, course, drone, places),
@@ -85,7 +98,7 @@ def fly_missions(
 
 
 def test_cards_of_a_flown_mission_show_its_legs(missions, tmp_path):
-    result = compare_flown(missions, [fly_missions(tmp_path / "logs", missions)])
+    result = compared(load_flown(missions, [fly_missions(tmp_path / "logs", missions)]))
     assert result.against == "missions"
     assert [drone.drone for drone in result.drones] == [1, 2, 3]
     # The log has ten places a second, and straight lines between them.
@@ -103,9 +116,22 @@ def test_cards_of_a_flown_mission_show_its_legs(missions, tmp_path):
     assert result.kept_separation
 
 
+def test_cards_named_as_missions_are_of_their_drones_whatever_their_ids(
+    missions, tmp_path
+):
+    folder = fly_missions(
+        tmp_path / "logs",
+        missions,
+        named=lambda drone: (f"drone_{drone + 1:04d}.BIN", 3 - drone),
+    )
+    result = compared(load_flown(missions, [folder]))
+    assert [drone.drone for drone in result.drones] == [1, 2, 3]
+    assert result.greatest_error < 0.1
+
+
 def test_a_flight_that_was_late_and_beside_its_missions_shows_both(missions, tmp_path):
     folder = fly_missions(tmp_path / "logs", missions, late=0.4, beside=0.2)
-    result = compare_flown(missions, [folder])
+    result = compared(load_flown(missions, [folder]))
     for leg in result.legs[1:-1]:
         early, late = leg.lateness
         # A drone that comes in beside its goal crosses the circle round it otherwise.
@@ -121,7 +147,7 @@ def test_fixes_count_from_their_receipt_however_late_they_are_logged(
     missions, tmp_path
 ):
     folder = fly_missions(tmp_path / "logs", missions, held_up=0.15)
-    result = compare_flown(missions, [folder])
+    result = compared(load_flown(missions, [folder]))
     for drone in result.drones:
         assert drone.lag == pytest.approx(0.0, abs=0.03)
         assert drone.greatest_error < 0.1
@@ -138,7 +164,7 @@ def test_two_drones_that_met_are_named_by_leg(missions, tmp_path):
         folder / "01.BIN", 2, times + UTC_ZERO, UTC_ZERO - 5.0,
         geodetic(show, course, 1, places),
     )  # fmt: skip
-    result = compare_flown(missions, [folder])
+    result = compared(load_flown(missions, [folder]))
     assert not result.kept_separation
     for leg in result.legs:
         assert leg.tightest_drones == (1, 2)
@@ -148,17 +174,18 @@ def test_two_drones_that_met_are_named_by_leg(missions, tmp_path):
 def test_missions_at_a_minute_of_any_hour_find_their_hour(tmp_path):
     log = with_missions(tmp_path / "any.mcap", start=None, start_minute=0)
     folder = fly_missions(tmp_path / "logs", log, zero=UTC_ZERO + 5 * 3600.0)
-    result = compare_flown(log, [folder])
+    result = compared(load_flown(log, [folder]))
     assert result.greatest_error < 0.1
     late = fly_missions(tmp_path / "late", log, zero=UTC_ZERO + 5 * 3600.0, late=0.3)
-    assert compare_flown(log, [late]).drones[0].lag == pytest.approx(0.3, abs=0.03)
+    drone = compared(load_flown(log, [late])).drones[0]
+    assert drone.lag == pytest.approx(0.3, abs=0.03)
 
 
 def test_cards_of_a_streamed_show_are_laid_over_its_trajectories(missions, tmp_path):
     folder = fly_missions(
         tmp_path / "logs", missions, kind="trajectories", zero=UTC_ZERO + 777.3
     )
-    result = compare_flown(missions, [folder])
+    result = compared(load_flown(missions, [folder]))
     assert result.against == "trajectories"
     assert result.greatest_error < 0.15
     assert all(abs(drone.lag) < 0.03 for drone in result.drones)
@@ -179,7 +206,7 @@ def test_a_ground_stations_log_gives_what_the_cards_give(missions, tmp_path):
     ]
     path = tmp_path / "flight.tlog"
     telemetry_log(path, vehicles)
-    result = compare_flown(missions, [path])
+    result = compared(load_flown(missions, [path]))
     assert [drone.drone for drone in result.drones] == [1, 2, 3]
     assert result.greatest_error < 0.05
     assert result.legs[1].lateness[1] < 0.05
@@ -218,20 +245,20 @@ def test_the_command_prints_the_legs_and_writes_the_page(missions, tmp_path, run
 def test_logs_that_do_not_belong_are_refused(missions, log, tmp_path):
     folder = fly_missions(tmp_path / "logs", missions)
     with pytest.raises(UsageError, match="holds no predicted missions"):
-        compare_flown(log, [folder])
+        compared(load_flown(log, [folder]))
     (folder / "09.BIN").write_bytes((folder / "00.BIN").read_bytes())
     with pytest.raises(UsageError, match="two of the logs are of one drone"):
-        compare_flown(missions, [folder])
+        compared(load_flown(missions, [folder]))
     (folder / "09.BIN").unlink()
     other = fly_missions(tmp_path / "before", missions, zero=UTC_ZERO - 86_400.0)
     with pytest.raises(UsageError, match="before the show's time 0"):
-        compare_flown(missions, [other])
+        compared(load_flown(missions, [other]))
     empty = tmp_path / "empty"
     empty.mkdir()
     with pytest.raises(UsageError, match=r"holds no \.BIN and no \.tlog"):
-        compare_flown(missions, [empty])
+        compared(load_flown(missions, [empty]))
     with pytest.raises(UsageError, match="cannot be read"):
-        compare_flown(missions, [tmp_path / "missing.BIN"])
+        compared(load_flown(missions, [tmp_path / "missing.BIN"]))
 
 
 @pytest.mark.parametrize("name", ["noise.BIN", "noise.tlog"])
@@ -240,7 +267,7 @@ def test_noise_is_refused_as_a_log(missions, tmp_path, name, content):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises((DamagedFileError, UsageError)):
-        compare_flown(missions, [path])
+        compared(load_flown(missions, [path]))
 
 
 def write_track(path, drones, offset=0.0, late=0.0, plan=None):
@@ -255,7 +282,7 @@ def write_track(path, drones, offset=0.0, late=0.0, plan=None):
 def test_a_late_flight_shows_its_lag(log, flight, tmp_path):
     path = tmp_path / "late.mcap"
     write_track(path, (1,), late=0.4, plan=flight.drone(1).state)
-    drone = compare_flown(log, [path]).drones[0]
+    drone = compared(load_flown(log, [path])).drones[0]
     assert drone.lag == pytest.approx(0.4, abs=0.011)
     assert drone.lagged_rms_error < 0.02 < drone.rms_error
 
@@ -263,7 +290,7 @@ def test_a_late_flight_shows_its_lag(log, flight, tmp_path):
 def test_an_offset_flight_shows_its_error(log, flight, tmp_path):
     path = tmp_path / "beside.mcap"
     write_track(path, (0,), offset=0.7, plan=flight.drone(0).state)
-    drone = compare_flown(log, [path]).drones[0]
+    drone = compared(load_flown(log, [path])).drones[0]
     assert drone.greatest_error == pytest.approx(0.7, abs=1e-3)
     assert drone.rms_error == pytest.approx(0.7, abs=1e-3)
 
@@ -271,7 +298,7 @@ def test_an_offset_flight_shows_its_error(log, flight, tmp_path):
 def test_drones_that_came_too_near_are_named(log, flight, tmp_path):
     path = tmp_path / "near.mcap"
     write_track(path, (0, 2), plan=flight.drone(0).state)
-    comparison = compare_flown(log, [path])
+    comparison = compared(load_flown(log, [path]))
     assert not comparison.kept_separation
     assert comparison.least_separation == 0.0
     assert comparison.least_separation_drones == (1, 3)
@@ -279,14 +306,14 @@ def test_drones_that_came_too_near_are_named(log, flight, tmp_path):
 
 def test_other_files_are_refused(log, flight, tmp_path):
     with pytest.raises(UsageError, match="holds no flown positions"):
-        compare_flown(log, [log])
+        compared(load_flown(log, [log]))
     path = tmp_path / "other.mcap"
     write_track(path, (8,), plan=flight.drone(0).state)
     with pytest.raises(UsageError, match="has drone 9"):
-        compare_flown(log, [path])
+        compared(load_flown(log, [path]))
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(path.read_bytes()[:-300])
     with pytest.raises(DamagedFileError, match="is not a whole log"):
-        compare_flown(log, [broken])
+        compared(load_flown(log, [broken]))
     with pytest.raises(UsageError, match="cannot be read"):
-        compare_flown(log, [tmp_path / "missing.mcap"])
+        compared(load_flown(log, [tmp_path / "missing.mcap"]))

@@ -27,9 +27,10 @@ from showc.geodesy import SiteFrame
 from showc.log.reader import read_log
 from showc.log.writer import write_log
 from showc.progress import Silent
-from showc.vehicle_link.compare import compare_flown
+from showc.vehicle_link.compare import compared
 from showc.vehicle_link.conductor import GAINS
 from showc.vehicle_link.flown import FlownLog, read_flown
+from showc.vehicle_link.overlay import load_flown
 from showc.vehicle_link.setpoints import stream_plan
 from showc.vehicle_link.stream import StreamOptions, stream_show
 
@@ -195,7 +196,7 @@ def test_setpoints_lie_on_the_plan_and_lead_their_moment(flown, plan):
 
 def test_what_was_flown_is_the_plan(flown, log, flight):
     report, _, path = flown
-    comparison = compare_flown(log, [path])
+    comparison = compared(load_flown(log, [path]))
     assert [drone.drone for drone in comparison.drones] == [1, 2, 3]
     worst = [vehicle.greatest_deviation for vehicle in report.vehicles]
     assert comparison.greatest_error == pytest.approx(max(worst), abs=0.02)
@@ -892,7 +893,7 @@ def test_some_drones_of_the_show_fly_alone(world, flight, log, port, tmp_path):
         world.add(vehicle)
     report = stream(world, log, port, drones=[2], flown=path)
     assert report.complete, report.reason
-    comparison = compare_flown(log, [path])
+    comparison = compared(load_flown(log, [path]))
     assert [drone.drone for drone in comparison.drones] == [2]
     assert comparison.least_separation is None
 

@@ -19,6 +19,7 @@ from vehicle_link.vehicle import (
     heartbeat_of,
 )
 
+from showc.cli.options import numbers, system_ids
 from showc.errors import UsageError
 from showc.mission import mission_files
 from showc.script.show import MissionOptions
@@ -134,6 +135,22 @@ def test_the_parameters_are_written_and_read_back_before_the_mission(
     assert report.complete
     assert report.vehicles[0].parameters == len(wanted) > 10
     assert vehicle.parameters == pytest.approx(wanted, rel=1e-6)
+
+
+def test_drones_beyond_one_network_have_ids_of_their_own_on_it(world, folder, port):
+    vehicle = world.add(Vehicle(port, 1))
+    report = upload(world, folder, port, drones=[3], systems={3: 1})
+    assert report.complete and [one.drone for one in report.vehicles] == [3]
+    content = (folder / "missions/drone_0003.waypoints").read_text()
+    assert len(vehicle.items) == len(content.splitlines()) - 1
+
+
+def test_system_ids_are_paired_with_drones_in_order():
+    assert system_ids(numbers("251-253"), numbers("1-3")) == {251: 1, 252: 2, 253: 3}
+    assert system_ids([1, 2], None) is None
+    for drones in (None, [251]):
+        with pytest.raises(UsageError, match="as many of both"):
+            system_ids(drones, [1, 2])
 
 
 def test_parameters_can_be_left_alone(world, folder, port):

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from hashlib import sha256
 
 import pytest
-from mission.flights import START, shift_flight
+from mission.flights import START, hop_flight
 from repository import ROOT
 from vehicle_link.test_compare import fly_missions
 from vehicle_link.test_stream import fleet
@@ -23,7 +23,7 @@ COMMANDS = re.findall(r"^    showc (.+)$", PAGE.read_text("utf-8"), re.MULTILINE
 @pytest.fixture
 def folder(tmp_path):
     """What ``showc compile`` writes, and the cards of a flight of it."""
-    flight = shift_flight(3)
+    flight = hop_flight(3)
     made = mission_files(flight, start=START)
     listed = {name: sha256(data).hexdigest() for name, data in made.files.items()}
     manifest = {
@@ -48,7 +48,7 @@ def folder(tmp_path):
 @pytest.mark.slow
 def test_commands_run(folder, run_showc):
     assert len(COMMANDS) >= 5
-    flight = shift_flight(3)
+    flight = hop_flight(3)
     for line in COMMANDS:
         port = free_port()
         words = shlex.split(line.replace("0.0.0.0:14550", f"127.0.0.1:{port}"))
