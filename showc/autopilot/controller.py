@@ -34,7 +34,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.autopilot.parameters import GRAVITY
+from showc.vehicle import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 
 
 STEP = 0.02
-"""Step of the table and of the integration [s]."""
+"""Step of the table and of the integration [s]: shorter than the shortest time constant
+of the loops, ``LEAN_TIMES[1]``."""
 
 SLACK_RATE = 0.05
 """How much slower than the law a drone may be before the law's time slows down."""
@@ -55,16 +56,17 @@ SMOOTHING = 1.0 / (2.0 * pi * 5.0)
 """Time constant of the speed missed: 5 Hz [s]."""
 
 LEAN_TIMES = 0.125, 0.03
-"""Time constants of leaning [s]."""
+"""Time constants of leaning: of the lean asked for, and of the vehicle [s]; fitted, as
+said above."""
 
 HOVER = 0.39
 """Throttle of hovering: lift over throttle is free fall over this."""
 
-LIFT_GAIN, LIFT_SUM = 0.05 * GRAVITY / HOVER, 0.1 * GRAVITY / HOVER
+LIFT_GAIN, LIFT_SUM = 0.05 * STANDARD_GRAVITY / HOVER, 0.1 * STANDARD_GRAVITY / HOVER
 """Lift over the upright acceleration missed, and over its sum [1/s]."""
 
 LIFT_TIME = 0.075
-"""Time constant of the lift [s]."""
+"""Time constant of the lift [s]; fitted, too."""
 
 DRAG, DRAG_SQUARE = 0.25, 0.027
 """Deceleration over speed [1/s], and over its square [1/m]."""
@@ -144,7 +146,7 @@ class Loops:
         gains = self._own = parameters.gains
         self._hold = np.array([[gains.place], [gains.place], [gains.height]])
         self._missed_gains = np.array([[gains.speed], [gains.speed], [gains.climb]])
-        self._steepest = GRAVITY * tan(gains.lean)
+        self._steepest = STANDARD_GRAVITY * tan(gains.lean)
         self.aim = aim
         self.last = 1 + int(np.ceil(profile.duration.max(initial=0.0) / STEP))
         self.table = _table(profile, self.last)
@@ -225,7 +227,7 @@ class Loops:
         three *= -DRAG_SQUARE
         three -= DRAG
         np.multiply(three, now.speed, out=out.speed)
-        np.multiply(now.lift, 1.0 / GRAVITY, out=one)
+        np.multiply(now.lift, 1.0 / STANDARD_GRAVITY, out=one)
         one += 1.0
         np.multiply(now.lean, one, out=three[:2])
         three[2] = now.lift

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.autopilot.controller import DRAG, DRAG_SQUARE, LIFT_GAIN, LIFT_SUM
-from showc.autopilot.parameters import GRAVITY
+from showc.vehicle import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 AHEAD = 0.11
 """How late lean and lift follow what is asked for [s]."""
 
-LEAST_LIFT = 0.2 * GRAVITY
+LEAST_LIFT = 0.2 * STANDARD_GRAVITY
 """Lift below which no level push is made up for [m/s²]: leans would be too steep."""
 
 LONGEST = 0.1
@@ -110,8 +110,8 @@ class Feedforward:
         level = (DRAG + DRAG_SQUARE * fast)[:, None] * velocity[:, :2]
         rise = velocity[:, 2]
         lift = acceleration[:, 2] + (DRAG + DRAG_SQUARE * np.abs(rise)) * rise
-        share = GRAVITY / np.maximum(GRAVITY + lift, LEAST_LIFT)
+        share = STANDARD_GRAVITY / np.maximum(STANDARD_GRAVITY + lift, LEAST_LIFT)
         lean = (acceleration[:, :2] + level) * share[:, None]
         size = np.linalg.norm(lean, axis=1)
-        steepest = GRAVITY * tan(self._gains.lean)
+        steepest = STANDARD_GRAVITY * tan(self._gains.lean)
         return lean * np.minimum(1.0, steepest / np.maximum(size, 1e-9))[:, None], lift

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from math import floor, pi, radians, tan
 from typing import TYPE_CHECKING, Self
 
+from showc.vehicle import STANDARD_GRAVITY
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -13,9 +15,6 @@ if TYPE_CHECKING:
 
 FIRMWARE = "ArduCopter 4.6"
 """The firmware whose parameter names, units and leg law these are."""
-
-GRAVITY = 9.80665
-"""Acceleration of free fall that ArduPilot reckons with [m/s²]."""
 
 AIRFRAME = "ArduCopter 4.6's own simulated quadrotor"
 """Whose gains these are."""
@@ -25,7 +24,7 @@ LAND_SLOW_HEIGHT = 4.0
 last metre. By default it would be 10 m, at half a metre a second."""
 
 LAND_SLOW_SPEED = 0.5
-"""How slowly [m/s]."""
+"""How slowly [m/s]: ArduCopter's default of LAND_SPEED."""
 
 
 GAINS: dict[str, float] = {
@@ -126,7 +125,7 @@ class Parameters:
     @property
     def snap(self) -> float:
         """Greatest rate of change of the jerk that the law allows [m/s⁴]."""
-        by_attitude = self.angular_acceleration * pi / 180.0 * GRAVITY
+        by_attitude = self.angular_acceleration * pi / 180.0 * STANDARD_GRAVITY
         by_input = pi * self.jerk / (2.0 * max(self.input_time_constant, 0.1))
         return 0.5 * min(by_input, by_attitude)
 
@@ -138,7 +137,7 @@ def parameters_for(show: Show) -> Parameters:
     parameter file stores it.
     """
     measured = Parameters()
-    tilt = floor(100.0 * GRAVITY * tan(show.limits.tilt)) / 100.0
+    tilt = floor(100.0 * STANDARD_GRAVITY * tan(show.limits.tilt)) / 100.0
     return replace(
         measured,
         speed=WINDY_SPEED if show.site.wind else measured.speed,

@@ -2,14 +2,14 @@
 
 Jerk rises and falls as a raised cosine. A ramp from rest to speed V has jerk up over
 ``jerk_time``, constant jerk over ``hold_time``, jerk down over ``jerk_time``, constant
-acceleration over ``push_time``, and the mirror image of the jerk part; two ramps and a
+acceleration for the rest, and the mirror image of the jerk part; two ramps and a
 cruise make a leg: ``T = L / V + T_ramp``. Own formulation of the law of ArduCopter 4.6
 (AP_Math, trigonometric S-curves); everything is vectorised over legs.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,10 +21,6 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray, IntArray
     from showc.autopilot.parameters import Parameters
-
-BISECTIONS = 60
-"""Halvings when a speed is sought: below 1e-15 of the bracket."""
-
 
 SHORTEST = 1e-6
 """What is shorter is no leg [m]; the mission's grid is a centimetre."""
@@ -49,8 +45,6 @@ class LegProfile:
     """Time of a raised-cosine rise or fall of the jerk [s]."""
     hold_time: FloatArray
     """Time of constant jerk [s]."""
-    push_time: FloatArray
-    """Time of constant acceleration [s]."""
     ramp_time: FloatArray
     """Time from rest to cruise speed [s]."""
     duration: FloatArray
@@ -81,12 +75,6 @@ class LegProfile:
         """Part of the leg covered, 0 to 1, at ``time`` [s], broadcast to (..., n)."""
         whole = np.where(self.length > 0.0, self.length, 1.0)
         return np.asarray(self.distance(time) / whole)
-
-    def velocity(self, time: ArrayLike) -> FloatArray:
-        """Speed along the leg [m/s] at ``time`` [s], broadcast to (..., n)."""
-        t = np.clip(np.asarray(time, dtype=np.float64), 0.0, self.duration)
-        near = np.minimum(np.minimum(t, self.duration - t), self.ramp_time)
-        return self.ramp_motion(near)[1]
 
     def motion(self, time: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Distance [m], speed [m/s], acceleration [m/s²] at ``time`` [s], in one go.
@@ -240,10 +228,19 @@ def leg_limits(
     )
 
 
-def _ramp(
-    speed: FloatArray, acceleration: FloatArray, parameters: Parameters
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Acceleration, jerk, jerk time, hold time and push time of ramps to ``speed``."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ramp:
+    """From rest to a speed, or back: what :class:`LegProfile` has of it, each (n,)."""
+
+    acceleration: FloatArray
+    jerk: FloatArray
+    jerk_time: FloatArray
+    hold_time: FloatArray
+    time: FloatArray
+
+
+def _ramp(speed: FloatArray, acceleration: FloatArray, parameters: Parameters) -> _Ramp:
+    """Return the ramps to ``speed`` (n,) [m/s] with an acceleration (n,) [m/s²]."""
     jerk, snap = parameters.jerk, parameters.snap
     rise = np.pi * jerk / (2.0 * snap)
     gentle = np.minimum(acceleration, speed / (2.0 * rise)) < jerk * rise
@@ -262,15 +259,14 @@ def _ramp(
     hold = np.where(gentle, 0.0, np.maximum(hard / jerk - rise, 0.0))
     safe = np.where(top > 0.0, top, 1.0)
     push = np.maximum(speed / safe - 2.0 * jerk_time - hold, 0.0)
-    return top, used_jerk, jerk_time, hold, push
+    return _Ramp(top, used_jerk, jerk_time, hold, 4.0 * jerk_time + 2.0 * hold + push)
 
 
 def ramp_time(
     speed: FloatArray, acceleration: FloatArray, parameters: Parameters
 ) -> FloatArray:
     """Time [s] from rest to ``speed`` [m/s]; all arrays of shape (n,)."""
-    _, _, jerk_time, hold, push = _ramp(speed, acceleration, parameters)
-    return np.asarray(4.0 * jerk_time + 2.0 * hold + push)
+    return _ramp(speed, acceleration, parameters).time
 
 
 def profile(
@@ -282,11 +278,10 @@ def profile(
     autopilot does.
     """
     wanted = limits.speed if speed is None else np.minimum(speed, limits.speed)
-    cruise = _fitting_speed(limits, parameters, wanted)
-    top, jerk, jerk_time, hold, push = _ramp(cruise, limits.acceleration, parameters)
-    ramp = 4.0 * jerk_time + 2.0 * hold + push
+    cruise = fitting_speed(replace(limits, speed=wanted), parameters)
+    rise = _ramp(cruise, limits.acceleration, parameters)
     moving = limits.length > 0.0
-    ramp = np.where(moving, ramp, 0.0)
+    ramp = np.where(moving, rise.time, 0.0)
     safe = np.where(moving, cruise, 1.0)
     # The speed is lowered to fit, so the cruise cannot be shorter than nothing.
     duration = np.where(
@@ -295,34 +290,13 @@ def profile(
     return LegProfile(
         limits.length,
         np.where(moving, cruise, 0.0),
-        np.where(moving, top, 0.0),
-        np.where(moving, jerk, 0.0),
-        np.where(moving, jerk_time, 0.0),
-        np.where(moving, hold, 0.0),
-        np.where(moving, push, 0.0),
+        np.where(moving, rise.acceleration, 0.0),
+        np.where(moving, rise.jerk, 0.0),
+        np.where(moving, rise.jerk_time, 0.0),
+        np.where(moving, rise.hold_time, 0.0),
         ramp,
         duration,
     )
-
-
-def _fitting_speed(
-    limits: LegLimits, parameters: Parameters, speed: FloatArray
-) -> FloatArray:
-    """Greatest speed up to ``speed`` at which two ramps fit the leg."""
-
-    def covered(value: FloatArray) -> FloatArray:
-        return np.asarray(value * ramp_time(value, limits.acceleration, parameters))
-
-    fits = covered(speed) <= limits.length
-    if np.all(fits):
-        return speed
-    low, high = np.zeros_like(speed), speed.copy()
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        inside = covered(middle) <= limits.length
-        low = np.where(inside, middle, low)
-        high = np.where(inside, high, middle)
-    return np.where(fits, speed, low)
 
 
 RESOLUTION = 1e-14
@@ -347,7 +321,7 @@ def fitting_speed(limits: LegLimits, parameters: Parameters) -> FloatArray:
 
     every = np.arange(speed.size)
     found = speed.copy()
-    tight = every[missing(speed, every) > 0.0]
+    tight = every[(length > 0.0) & (missing(speed, every) > 0.0)]
     if tight.size:
         found[tight] = _onto(
             lambda v: missing(v, tight),

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.autopilot.controller import HOVER
-from showc.autopilot.parameters import GRAVITY
+from showc.autopilot.parameters import GAINS
+from showc.vehicle import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,13 +28,13 @@ if TYPE_CHECKING:
 
 
 SLEW_TIME = 2.0
-"""TKOFF_SLEW_TIME [s]."""
+"""TKOFF_SLEW_TIME [s]: ArduCopter's default; missions leave it."""
 
-JERK = 5.0
-"""PSC_JERK_Z [m/s³]."""
+JERK = GAINS["PSC_JERK_Z"]
+"""Greatest upright jerk [m/s³]."""
 
 LOOP = 1.0 / 400.0
-"""Time of a loop of the autopilot [s]."""
+"""Time of a loop of the autopilot [s]: SCHED_LOOP_RATE is 400 Hz by default."""
 
 TENTH = 0.1
 """Part of the greatest speed up at which a take-off is noticed, and over."""
@@ -53,7 +54,7 @@ def takeoff_times(heights: Sequence[int], parameters: Parameters) -> FloatArray:
 
 @cache
 def _takeoff_time(height: float, speed: float, acceleration: float) -> float:
-    rate = GRAVITY / HOVER / SLEW_TIME
+    rate = STANDARD_GRAVITY / HOVER / SLEW_TIME
     noticed = min(0.5 * acceleration / rate, sqrt(2.0 * TENTH * speed / rate))
     time, pushed = noticed, rate * noticed
     risen, rising = rate * noticed**3 / 6.0, rate * noticed**2 / 2.0

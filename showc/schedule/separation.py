@@ -34,7 +34,7 @@ FIRST_PIECES = 8
 """Pieces of the window that a pair is looked at in first."""
 
 BLOCK = 400_000
-"""Pairs handled at once."""
+"""Pairs handled at once: bounds the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

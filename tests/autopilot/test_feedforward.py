@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from showc.autopilot.feedforward import AHEAD, Feedforward
-from showc.autopilot.parameters import GAINS, GRAVITY, Gains
+from showc.autopilot.parameters import GAINS, Gains
+from showc.vehicle import STANDARD_GRAVITY
 from showc.vehicle.presets import ARDUCOPTER
 
 STEP = 0.01
@@ -69,7 +70,10 @@ def flown(at, gains, *, shifted, until=12.0):
         level = level + gains.change * change + gains.forward * wanted[:, :2]
         fast = np.hypot(*speed[0, :2])
         brake = 0.25 + 0.027 * np.array([fast, fast, abs(speed[0, 2])])
-        push = np.append(lean[0] * (1.0 + lift / GRAVITY), lift) - brake * speed[0]
+        push = (
+            np.append(lean[0] * (1.0 + lift / STANDARD_GRAVITY), lift)
+            - brake * speed[0]
+        )
         lacking = goal[2][0, 2] + gains.climb * missed[0, 2] - push[2]
         lifted += STEP * 2.515 * lacking
         lift += STEP * (1.257 * lacking + lifted - lift) / 0.075

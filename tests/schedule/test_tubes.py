@@ -10,7 +10,7 @@ from showc.autopilot.stage import StageBuilder
 from showc.autopilot.timing import Timing
 from showc.geodesy import SiteFrame
 from showc.progress import Silent
-from showc.schedule import timeline
+from showc.schedule import layout
 from showc.schedule.course import Course
 from showc.schedule.tubes import room_used
 
@@ -35,7 +35,7 @@ def steep_timeline():
     )
     show = flight.itinerary.show
     course = Course.of(show, [item.leg for item in legs], replace(flight, legs=legs))
-    return timeline.build_timeline(show, course, builder, Silent(), jobs=1)
+    return layout.build_timeline(show, course, builder, Silent(), jobs=1)
 
 
 def most_used(found):
@@ -54,8 +54,8 @@ def top_speed(found):
 
 def test_fast_climbs_are_slowed_until_their_swing_is_within_the_proof(monkeypatch):
     slowed = steep_timeline()
-    assert most_used(slowed) <= timeline.FULL
-    monkeypatch.setattr(timeline, "FULL", np.inf)
+    assert most_used(slowed) <= layout.FULL
+    monkeypatch.setattr(layout, "FULL", np.inf)
     fast = steep_timeline()
     assert most_used(fast) > 1.0
     # No slower than they must be.
