@@ -20,16 +20,19 @@ from showc.plan.itinerary import (
     Leg,
     frozen,
     held_in_motion,
+    in_parts,
     state_at,
 )
 from showc.plan.places import PARKED, Places
 from showc.progress import Silent
 from showc.script.lanes import (
+    arrival,
     chapters,
     common,
     departure,
     ending,
     held_for,
+    known,
     left_last,
     own_times,
     rest,
@@ -44,8 +47,9 @@ if TYPE_CHECKING:
     from showc.plan.itinerary import LegKind
     from showc.plan.places import Assign
     from showc.progress import Progress
+    from showc.script.mark import Mark
     from showc.script.moving import MovingPlaces
-    from showc.script.show import Effect, Mark, Preference, Show, Transition
+    from showc.script.show import Effect, Preference, Show, Transition
     from showc.vehicle import Limits
 
 
@@ -141,19 +145,19 @@ class _Builder:
             _together([t.prefer for t in transitions]),
         )
         if own_times(transitions):
-            left = any(one.under_way[1] for one in left_last(transitions))
-            if left or self.state is not None:
+            if self.state is not None:
                 mark = transitions[0].mark
                 raise PlanError(
-                    f"{mark}: groups that move at times "
-                    "of their own begin and end together at rest; leave `leave: "
-                    "moving` out of their last transitions and of what comes before, "
-                    "or give them one time"
+                    f"{mark}: groups that move at times of their own begin together "
+                    "at rest; leave `leave: moving` out of what comes before, or give "
+                    "them one time"
                 )
             ends = ending(transitions)
             asked = replace(asked, duration=None, arrive=ends, depart=None)
             self._move("transition", name, formation, given, asked)
-            self.legs[-1] = replace(self.legs[-1], parts=parts)
+            # When it ends is known with the times of its parts.
+            self.legs[-1] = in_parts(self.legs[-1], parts, self.show)
+            self.state = self.legs[-1].goal_state
             self._hold(name, rest(transitions), asked)
             return
         motion = self._moving()
@@ -283,7 +287,9 @@ class _Builder:
                 before = left.pop(transition.group, None)
                 parts[-1] = replace(parts[-1], start_state=before)
             if own and transition.motion:
-                held = self._part_in_motion(parts[-1])
+                last = transition.under_way[1] and transition in left_last(transitions)
+                until = ending(transitions) if last and known(transitions) else None
+                held = self._part_in_motion(parts[-1], until)
                 left[transition.group] = held.goal_state
                 parts[-1] = replace(parts[-1], goal_state=held.start_state)
                 parts.append(held)
@@ -296,8 +302,8 @@ class _Builder:
             colours[members[placed]] = shown[given.places[placed]]
             colours[members[~placed]] = 0.0
             reasons.append(given.reason)
-        last = {transition.group: transition.to for transition in transitions}
-        name = " + ".join(f"{group} in {to}" for group, to in last.items())
+        reached = {transition.group: transition.to for transition in transitions}
+        name = " + ".join(f"{group} in {to}" for group, to in reached.items())
         effects = [t.effect or self.show.formations[t.to].effect for t in transitions]
         mark = transitions[0].mark
         points, self.position = self.position, stood
@@ -331,9 +337,15 @@ class _Builder:
             prefer=transition.prefer,
         )
 
-    def _part_in_motion(self, move: Leg) -> Leg:
-        """Return what a group does by itself while it holds the end of a move."""
+    def _part_in_motion(self, move: Leg, until: float | None) -> Leg:
+        """Return what a group does by itself while it holds the end of a move.
+
+        As long as it is to be held, or ``until`` a show time [s].
+        """
         transition = self.show.transitions[move.transition or 0]
+        time = transition.hold
+        if until is not None:
+            time = round(until - (arrival(transition) or 0.0), 3)
         rows = np.flatnonzero(move.places != PARKED)
         moving = moving_places(
             rows,
@@ -353,7 +365,7 @@ class _Builder:
             depart=None,
             motion=(moving,),
         )
-        return held_in_motion(part, self.show, transition.hold)
+        return held_in_motion(part, self.show, time)
 
     def _move(
         self,

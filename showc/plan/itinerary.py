@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from showc.arrays import FloatArray, IntArray
+    from showc.script.mark import Mark
     from showc.script.moving import MovingPlaces
-    from showc.script.show import Mark, Preference, Show
+    from showc.script.show import Preference, Show
     from showc.trajectory import PiecewisePolynomial
     from showc.vehicle import Limits
 
@@ -90,7 +91,8 @@ class Leg:
     parts: tuple[Leg, ...] = ()
     """Moves of groups that have times of their own within this one, in the script's
     order, each followed by what its formation does while it is held; each has the
-    drones of its group. Before, between and after they hover."""
+    drones of its group. Before, between and after they hover, but for those that are
+    left in motion at the end."""
 
     @property
     def timed(self) -> bool:
@@ -140,6 +142,31 @@ def held_in_motion(part: Leg, show: Show, duration: float) -> Leg:
         goal=frozen(goal),
         start_state=state_at(show, part.motion, duration, 0, part.start),
         goal_state=state_at(show, part.motion, duration, 1, goal),
+    )
+
+
+def in_parts(leg: Leg, parts: tuple[Leg, ...], show: Show) -> Leg:
+    """Return a leg of groups with times of their own, with its ends.
+
+    It ends where the last part of each group does; those whose motion is under way
+    there are left in it, the others hover.
+    """
+    goal = leg.goal.copy()
+    states = np.zeros((leg.drones.size, 13))
+    states[:, :-1] = show.vehicle.hover_state(goal, show.heading)
+    last = {int(part.drones[0]): part for part in parts}
+    for part in last.values():
+        rows = np.searchsorted(leg.drones, part.drones)
+        goal[rows] = part.goal
+        if part.goal_state is not None:
+            states[rows] = part.goal_state
+    states[:, :3] = goal
+    moving = any(part.goal_state is not None for part in last.values())
+    return replace(
+        leg,
+        parts=parts,
+        goal=frozen(goal),
+        goal_state=frozen(states) if moving else None,
     )
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
@@ -22,6 +24,7 @@ from showc.script.colours import linear_light
 from showc.script.diagnostic import Label, ScriptError
 from showc.script.fleet import fleet_size, groups_of, needed_counts
 from showc.script.gallery import Bench, Gallery, Picture, effect_of
+from showc.script.lanes import arrival, departure
 from showc.script.lights import lights_of
 from showc.script.motions import morphs_of, motion_of
 from showc.script.music import asked_time, music_of
@@ -34,7 +37,6 @@ from showc.script.show import (
     Formation,
     Landing,
     Launch,
-    Mark,
     MissionOptions,
     Motion,
     Music,
@@ -49,6 +51,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.script.files import InputFiles
+    from showc.script.mark import Mark
     from showc.script.reader import Reader
     from showc.script.settings import Setting
     from showc.script.show import Preference, Site
@@ -227,21 +230,23 @@ class Builder:
         if formation is None:
             return None
         colours = effect = None
+        key = "colour"
         try:
-            if "colour" in settings:
-                srgb = paint(settings.section("colour"), formation.points)
+            if key in settings:
+                srgb = paint(settings.section(key), formation.points)
                 colours = linear_light(srgb)
                 colours.setflags(write=False)
-            if "effect" in settings:
-                effect = effect_of(settings.section("effect"), self.music)
+            key = "effect"
+            if key in settings:
+                effect = effect_of(settings.section(key), self.music)
         except ScriptError as fault:
-            key = "colour" if "effect" not in settings else "effect"
             self.reader.refuse(fault, settings.mark_of(key))
             return None
         at, start, duration = self._times(settings)
         name = settings.text("name") if "name" in settings else f"{before} -> {to}"
         motion = self._motion(settings, formation, sketch)
-        hold = settings.number("hold")
+        # Whole milliseconds, as all times of a show: a beat may be any part of one.
+        hold = round(settings.number("hold"), 3)
         played = [one.length + one.ramp for one in motion if isinstance(one, Follow)]
         if played and not settings.written("hold"):
             hold = round(max(played), 3)
@@ -316,6 +321,7 @@ class Builder:
         at = asked_time(settings, "at", self.music, self.reader)
         start = asked_time(settings, "start", self.music, self.reader)
         duration = settings.optional("duration")
+        duration = None if duration is None else round(duration, 3)
         if at is not None and start is not None and duration is not None:
             self.reader.say(
                 "SHW111",
@@ -358,6 +364,8 @@ class Builder:
                 continue
             group = item.word("group")
             before = last.get(group, last.get(None, "launch"))
+            if group is None and last:
+                before = " + ".join(dict.fromkeys(last.values()))
             made = self._transition(item, before, sketch)
             if made is not None:
                 transitions.append(made)
@@ -396,7 +404,7 @@ class Builder:
             groups=sketch.groups,
             launch=settings.section("launch").made(Launch),
             airframe_limits=None if envelope is None else limits,
-            transitions=_with_free_holds(transitions, loose),
+            transitions=_with_free_holds(*_in_order_of_time(transitions, loose)),
             landing=settings.section("landing").made(Landing),
             mission=_mission(settings.section("mission")),
             exports=tuple(one.made(Export) for one in settings.sections("exports")),
@@ -412,6 +420,36 @@ def _preference(settings: Settings) -> Preference:
         return 1.0  # what is wrong with it has been said
     wanted: Preference = settings.values["prefer"].plain
     return wanted
+
+
+def _in_order_of_time(
+    transitions: list[Transition], loose: list[bool]
+) -> tuple[list[Transition], list[bool]]:
+    """Merge moves of groups that follow each other by their times, where all have any.
+
+    A script may list one group after the other. Each group's own order stays, so that
+    times which run backwards are found; moves that begin together stay as written.
+    """
+
+    def leaves(one: Transition) -> float:
+        """Return when a timed move begins or, where that is open, arrives [s]."""
+        begins = departure(one)
+        return begins if begins is not None else (arrival(one) or 0.0)
+
+    order: list[int] = []
+    for grouped, rows in groupby(
+        range(len(transitions)), lambda row: transitions[row].group is not None
+    ):
+        run = list(rows)
+        if not grouped or not all(transitions[row].timed for row in run):
+            order += run
+            continue
+        waiting: dict[str | None, list[int]] = {}
+        for row in run:
+            waiting.setdefault(transitions[row].group, []).append(row)
+        lanes = waiting.values()
+        order += heapq.merge(*lanes, key=lambda row: (leaves(transitions[row]), row))
+    return [transitions[row] for row in order], [loose[row] for row in order]
 
 
 def _with_free_holds(

@@ -136,7 +136,8 @@ def _gone(show: Show | None) -> set[tuple[str, int]]:
     for chapter in chapters(show):
         together = [show.transitions[index] for index in chapter]
         for at, index in enumerate(chapter if own_times(together) else ()):
-            there = arrival(together[at])
+            # It arrives after it has left, at the soonest.
+            there = arrival(together[at]) or departure(together[at])
             for later in together[at + 1 :]:
                 leaves = departure(later)
                 if there is not None and leaves is not None and leaves < there:
@@ -229,7 +230,7 @@ def _held(show: Show, chapter: list[int]) -> Iterator[_Held]:
             one, begin = flown[at], arrival(flown[at])
             end = over if after is None else departure(flown[after])
             if after is None and one.motion and begin is not None:
-                end = begin + one.hold
+                end = over if one.under_way[1] else begin + one.hold
             if begin is not None and end is not None and end > begin:
                 yield _Held(chapter[at], begin, end)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from showc.script.show import Mark
+    from showc.script.mark import Mark
 
 
 class Severity(StrEnum):

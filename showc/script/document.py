@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from showc.script.diagnostic import Diagnostic, Label
-from showc.script.show import Mark
+from showc.script.mark import Mark
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -46,6 +46,23 @@ def inside_polygon(points: FloatArray, corners: FloatArray) -> BoolArray:
     return inside
 
 
+def crossed_edges(corners: FloatArray) -> tuple[int, int] | None:
+    """Return the first two edges of a polygon (n, 2) that cross, by their first corner.
+
+    Returns
+    -------
+    tuple of int, or None
+        Counting from 0; None if the outline crosses itself nowhere.
+    """
+    after = np.roll(corners, -1, axis=0)
+    for number, (start, end) in enumerate(zip(corners, after, strict=True)):
+        goals = np.broadcast_to(end, (len(corners), 2))
+        crossed = np.flatnonzero(_crosses(start, goals, corners, after))
+        if crossed.size:
+            return number, int(crossed[0])
+    return None
+
+
 def fence_distance(points: FloatArray, corners: FloatArray) -> FloatArray:
     """Return how far points, (n, 2), are from a polygon's boundary, (n,) [m]."""
     nearest = np.full(len(points), np.inf)

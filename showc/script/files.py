@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _MEGABYTE = 1_000_000
+"""[bytes]."""
 MOST_BYTES = {
     ".csv": 4 * _MEGABYTE,
     ".tsv": 4 * _MEGABYTE,

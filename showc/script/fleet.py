@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.script.gallery import Gallery
+    from showc.script.mark import Mark
     from showc.script.reader import Reader
-    from showc.script.show import Mark
 
 
 def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | None:

@@ -12,7 +12,7 @@ from showc.script.formations import SHAPES, Request
 from showc.script.placing import colours_in, paint, transform, unit_vector
 from showc.script.scalars import no_such
 from showc.script.settings import Setting, Settings
-from showc.script.show import Effect, EffectKind, Mark, Music
+from showc.script.show import Effect, EffectKind, Music
 from showc.script.spacing import closest, crowded, spread_apart
 from showc.script.wording import number_text
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from showc.arrays import FloatArray
+    from showc.script.mark import Mark
     from showc.script.reader import Reader
     from showc.vehicle import Separation
 

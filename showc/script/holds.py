@@ -20,13 +20,13 @@ from showc.script.lanes import (
     departure,
     ending,
     lanes,
+    over,
     own_times,
-    rest,
 )
+from showc.script.least_time import least_duration
 from showc.script.moving import moving_places
 from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.script.spacing import closest
-from showc.script.timing import least_duration
 from showc.script.wording import number_text
 from showc.vehicle.flatness import attitude_and_thrust
 
@@ -128,8 +128,10 @@ def _held(show: Show) -> Iterator[tuple[int, float, bool]]:
     for number, members in enumerate(together):
         flown = [show.transitions[index] for index in members]
         if own_times(flown):
-            yield from _held_apart(show, members, flown)
-            earliest = ending(flown) + rest(flown)
+            after = together[number + 1 : number + 2]
+            timed_after = any(show.transitions[k].timed for one in after for k in one)
+            yield from _held_apart(show, members, flown, last=not timed_after)
+            earliest = over(flown)
             continue
         own = asked[number]
         arrived = own["at"]
@@ -151,22 +153,34 @@ def _held(show: Show) -> Iterator[tuple[int, float, bool]]:
 
 
 def _held_apart(
-    show: Show, members: list[int], flown: list[Transition]
+    show: Show, members: list[int], flown: list[Transition], *, last: bool
 ) -> Iterator[tuple[int, float, bool]]:
-    """Do the same for groups with times of their own: each until it leaves."""
+    """Do the same for groups with times of their own: each until it leaves.
+
+    ``last`` says that what follows has no time of its own.
+    """
     for lane in lanes(flown):
         for at, after in zip(lane, [*lane[1:], None], strict=True):
             one, arrived = flown[at], arrival(flown[at])
-            if after is None or arrived is None:
-                yield members[at], one.hold, True
+            known = arrived is not None
+            if arrived is None:
+                least = least_duration(show, members[at])[0]
+                arrived = (departure(one) or 0.0) + least
+            if after is None:
+                time, whole = one.hold, True
+                if one.under_way[1] and known:
+                    # Until what follows leaves, if that has no time of its own.
+                    time, whole = ending(flown) - arrived, last
+                yield members[at], time, whole
                 continue
-            leaves = departure(flown[after])
+            leaves, there = departure(flown[after]), arrival(flown[after])
             if leaves is not None:
-                yield members[at], leaves - arrived, True
-                continue
-            move = least_duration(show, members[after])[0]
-            latest = (arrival(flown[after]) or 0.0) - move
-            yield members[at], latest - arrived, False
+                yield members[at], leaves - arrived, known
+            elif there is None:
+                yield members[at], one.hold, True
+            else:
+                latest = there - least_duration(show, members[after])[0]
+                yield members[at], latest - arrived, False
 
 
 def _first(show: Show, members: list[int], key: str) -> float | None:
@@ -320,10 +334,13 @@ class _Flown:
         instant, row, axis = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
         if beyond[instant, row, axis] <= _ROUNDING:
             return None
+        place = int(rows[row])
+        if ((self.points[place] < low) | (self.points[place] > high)).any():
+            # It stands outside already.
+            return None
         value = states[0][instant, row, axis]
         above = value > high[axis]
         limit = high[axis] if above else low[axis]
-        place = int(rows[row])
         return _Fault(
             f"place {place + 1} of `{self.name}` leaves the flight volume "
             f"{self.instants[instant]:.1f} s into its motion: {'xyz'[axis]} is "
@@ -340,6 +357,9 @@ class _Flown:
         instants = np.linspace(0.0, float(self.instants[-1]), count + 2)[1:-1]
         places = self._states(np.arange(len(self.points)), instants)[0]
         limit = separation.distance * (1.0 - _ROUNDING)
+        if closest(self.points, limit, separation):
+            # They stand too near already.
+            return None
         found = [closest(points, limit, separation) for points in places]
         pairs = [(one.distance, at, one) for at, one in enumerate(found) if one]
         if not pairs:

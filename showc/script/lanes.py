@@ -3,7 +3,8 @@
 Transitions of groups that stand next to each other in the script are flown together.
 Where they ask for different times, each group has a lane of its own: it stands, moves,
 and stands again, whatever the others do meanwhile. A motion of what it holds lasts
-until it leaves, or for its hold where it does not leave. No drone is in two groups.
+until it leaves, or for its hold where it does not leave. One that is left under way
+lasts until all of them are held, and what follows leaves. No drone is in two groups.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ def arrival(one: Transition) -> float | None:
     return round(one.start + one.duration, 3)
 
 
+SHORTEST_MOVE = 0.1
+"""Least time of a move [s], as the field table has it for `duration`."""
 SHORTEST_MOTION = 0.5
 """Least time of a motion [s]."""
 
@@ -80,8 +83,8 @@ def _tied(both: Sequence[Transition], first: int) -> bool:
     parts = both[:first], both[first:]
     return (
         None not in {one.group for one in both}
-        and None not in [arrival(one) for one in both]
-        and any(one.under_way[1] for one in left_last(parts[0]))
+        and known(both)
+        and left_moving(parts[0])
         and any(own_times(part) for part in parts)
     )
 
@@ -96,11 +99,11 @@ def _joins(before: Sequence[Transition], one: Transition) -> bool:
     if one.group is None or before[0].group is None:
         return False
     again = any(other.group == one.group for other in before)
-    known, ends = departure(one), [arrival(other) for other in before]
-    starts = known if known is not None else arrival(one)
+    leaves, ends = departure(one), [arrival(other) for other in before]
+    starts = leaves if leaves is not None else arrival(one)
     if starts is None or None in ends:
         return not again
-    return (known is None and not again) or any(
+    return (leaves is None and not again) or any(
         starts < end + other.hold - _SAME
         for other, end in zip(before, ends, strict=True)
         if end is not None and other.group != one.group
@@ -113,8 +116,8 @@ def own_times(together: Sequence[Transition]) -> bool:
     So they are where two of them depart or arrive, by the script, at different times.
     """
     for time in (departure, arrival):
-        known = [found for one in together if (found := time(one)) is not None]
-        if known and max(known) - min(known) > _SAME:
+        fixed = [found for one in together if (found := time(one)) is not None]
+        if fixed and max(fixed) - min(fixed) > _SAME:
             return True
     return len({one.group for one in together}) < len(together)
 
@@ -144,11 +147,33 @@ def lanes(together: Sequence[Transition]) -> Iterator[list[int]]:
 def ending(together: Sequence[Transition]) -> float:
     """Show time at which all groups of a chapter of own times stand for good [s].
 
-    Each has arrived, and what its formation does while it is held is over.
+    Each has arrived, and what its formation does while it is held is over. Where a
+    motion is left under way at the end, all others have been held by then: it lasts
+    until then, or until what follows leaves. So it is where an arrival is not known,
+    and then this is a lower bound.
     """
+    whole = left_moving(together) or not known(together)
     return round(
-        max((arrival(one) or 0.0) + one.hold * bool(one.motion) for one in together), 3
+        max(
+            (arrival(one) or 0.0) + one.hold * (whole or bool(one.motion))
+            for one in together
+        ),
+        3,
     )
+
+
+def known(together: Sequence[Transition]) -> bool:
+    """Tell whether the script fixes when transitions of own times arrive.
+
+    The others take the time that they prefer, from their start, or from when their
+    group is free.
+    """
+    return None not in [arrival(one) for one in together]
+
+
+def left_moving(together: Sequence[Transition]) -> bool:
+    """Tell whether a group leaves the last motion of a chapter under way."""
+    return any(one.under_way[1] for one in left_last(together))
 
 
 def rest(together: Sequence[Transition]) -> float:
@@ -158,6 +183,11 @@ def rest(together: Sequence[Transition]) -> float:
     """
     held = max((arrival(one) or 0.0) + one.hold for one in left_last(together))
     return max(0.0, round(held - ending(together), 3))
+
+
+def over(together: Sequence[Transition]) -> float:
+    """Show time until which a chapter of own times is held at least [s]."""
+    return round(ending(together) + rest(together), 3)
 
 
 def least_rest(show: Show, index: int) -> float:

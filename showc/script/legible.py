@@ -40,7 +40,7 @@ where strokes meet, places are half as far apart as elsewhere, or a little less.
 
 
 EYES = 1.7
-"""Height of eyes above the ground [m]."""
+"""Height of eyes above the ground [m]: of a standing adult."""
 _EDGE = sin(radians(10.0))
 """Sine of the angle to its plane below which a picture is seen from its edge: neither
 as it is drawn nor mirrored."""

@@ -19,9 +19,10 @@ from showc.script.document import (
 )
 from showc.script.fields import FORMAT_VERSION, SECTIONS
 from showc.script.files import InputFiles
+from showc.script.mark import Mark
 from showc.script.reader import Reader
 from showc.script.scalars import tempo_of
-from showc.script.show import Mark, Source
+from showc.script.show import Source
 from showc.script.suppression import apply_suppressions
 from showc.script.wording import shortened
 

@@ -36,6 +36,8 @@ MEANT = {
     "kind": "type",
 }
 """Keys as people write them, and how scripts do, where there is such a key."""
+_FEW_KINDS = 3
+"""Types that a message proposes at most: more are no help."""
 
 
 def decimal_comma(entry: Entry, node: Mapping) -> Diagnostic | None:
@@ -194,3 +196,18 @@ def about_commas(kind: Items, node: Node) -> str:
     if len(words) > kind.most:
         return "commas separate elements; a decimal point is a point: `[1.5, 0, 20]`"
     return ""
+
+
+def about_variants(section: Section, node: Mapping) -> str:
+    """Say which types the given keys belong to; empty: none, or more than three."""
+    shared = {field.key for field in section.fields}
+    own = [entry.key for entry in node if entry.key not in shared]
+    kinds = [
+        f"`{section.tag}: {variant.name}`"
+        for variant in section.variants
+        if own and {field.key for field in variant.fields}.issuperset(own)
+    ]
+    if not kinds or len(kinds) > _FEW_KINDS:
+        return ""
+    keys = " and ".join(f"`{key}`" for key in own)
+    return f"add {' or '.join(kinds)}: {keys} can stand there"

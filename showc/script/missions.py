@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray, IntArray
     from showc.script.build import Sketch
-    from showc.script.show import Mark, MissionOptions, Show, Transition
+    from showc.script.mark import Mark
+    from showc.script.show import MissionOptions, Show, Transition
 
 
 PX4_ITEMS = 500
@@ -40,6 +41,9 @@ whole 1e-7 degrees and centimetres."""
 
 _STRIDES = np.array([1, 1 << 21, 1 << 42])
 """Numbers of cells along the axes: places are within 10 km of the origin."""
+
+METRES_PER_DEGREE = 111_000.0
+"""Length of a degree of longitude at the equator, or a little less [m]."""
 
 _MOST_COLOURS = 64
 """Of more colours none is looked for."""
@@ -116,6 +120,13 @@ def refusals(show: Show, least: int | None = None) -> Iterator[Refusal]:
             f"compile with --start, which names the hour, or {without}",
             ("transitions",),
         )
+    if crosses_date_line(show):
+        yield Refusal(
+            "the flight volume lies on both sides of the 180th meridian, where "
+            "longitudes jump",
+            f"{without}, or give a `volume` on one side of it",
+            ("site",),
+        )
     autopilot, board = show.mission.autopilot, show.mission.board
     held = item_budget(autopilot, board)
     items = least_items(show) if least is None else least
@@ -128,6 +139,16 @@ def refusals(show: Show, least: int | None = None) -> Iterator[Refusal]:
             "another carrier",
             ("mission", "board"),
         )
+
+
+def crosses_date_line(show: Show) -> bool:
+    """Tell whether longitudes jump within the flight volume."""
+    site, bearing = show.site, np.radians(show.site.heading)
+    (west, south, _), (east, north, _) = site.volume_min, site.volume_max
+    x, y = np.array([(west, south), (west, north), (east, south), (east, north)]).T
+    degree = METRES_PER_DEGREE * np.cos(np.radians(site.latitude))
+    away = site.longitude + (x * np.cos(bearing) + y * np.sin(bearing)) / degree
+    return bool((away > 180.0).any() or (away < -180.0).any())
 
 
 def least_landing(show: Show) -> float:

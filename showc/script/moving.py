@@ -45,6 +45,7 @@ _AREA = tuple(0.0 if k == 0 else _STEP[k - 1] / k for k in range(9))
 """Its integral from 0."""
 
 _DEGREE = 5
+"""Of splines through frames: the torque of what follows them is continuous."""
 _SPLINE = np.array(
     [
         [

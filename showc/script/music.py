@@ -14,8 +14,8 @@ from showc.script.show import Music
 if TYPE_CHECKING:
     from showc.script.files import InputFiles
     from showc.script.instants import Instant
+    from showc.script.mark import Mark
     from showc.script.reader import Reader
-    from showc.script.show import Mark
 
 
 def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | None:

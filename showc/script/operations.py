@@ -10,9 +10,9 @@ import numpy as np
 from showc.script.aircraft import FLOWN_APART, SHOW_MODE
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.fence import fence_distance, inside_polygon
+from showc.script.least_time import least_mean_time
 from showc.script.missions import mission_findings
 from showc.script.spacing import closest
-from showc.script.timing import least_mean_time
 from showc.script.wording import number_text
 from showc.vehicle import PRESETS, Separation
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.script.build import Sketch
-    from showc.script.show import Export, Mark
+    from showc.script.mark import Mark
+    from showc.script.show import Export
 
 
 CEILING = 120.0

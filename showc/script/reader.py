@@ -37,6 +37,7 @@ from showc.script.meaning import (
     about_brackets,
     about_colours,
     about_commas,
+    about_variants,
     decimal_comma,
     flat,
     meant,
@@ -51,7 +52,7 @@ from showc.script.wording import counted, form_of, shortened, wanted_text
 
 if TYPE_CHECKING:
     from showc.script.instants import Tempo
-    from showc.script.show import Mark
+    from showc.script.mark import Mark
 
 
 _FORMS: dict[type, type] = {Section: Mapping, Table: Mapping, Items: Sequence}
@@ -279,7 +280,7 @@ class Reader:
                 "SHW102",
                 f"`{section.name}` needs one of {choices}",
                 settings.mark,
-                help_text=f"add one of {choices}",
+                help_text=about_variants(section, node) or f"add one of {choices}",
             )
         elif len(present) > 1:
             settings.broken = True

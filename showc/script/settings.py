@@ -11,7 +11,7 @@ from showc.script.instants import Instant
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-    from showc.script.show import Mark
+    from showc.script.mark import Mark
 
     Vector = tuple[float, float, float]
 

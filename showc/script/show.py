@@ -8,7 +8,7 @@ east-north-up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -16,37 +16,8 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from showc.arrays import FloatArray
+    from showc.script.mark import Mark
     from showc.vehicle import Battery, Body, Limits, Quadrotor, Separation, Vector
-
-
-@dataclass(frozen=True, slots=True)
-class Mark:
-    """Where in a script something stands; lines and columns count from 1."""
-
-    path: str
-    line: int
-    column: int
-    end_line: int
-    end_column: int
-
-    def __str__(self) -> str:
-        return f"{self.path}:{self.line}:{self.column}"
-
-    @property
-    def on_one_line(self) -> bool:
-        """Whether it ends on the line that it begins on."""
-        return self.end_line == self.line
-
-    @property
-    def first_line(self) -> Mark:
-        """The part of it on its first line, one column if it goes on."""
-        if self.on_one_line:
-            return self
-        return replace(self, end_line=self.line, end_column=self.column + 1)
-
-    def near(self, key: Mark) -> Mark:
-        """Return it if it stands on one line, else the place of its key."""
-        return self if self.on_one_line else key
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.script.fence import crossed_edges
 from showc.script.show import Audience, Building, Risk, Site
 
 if TYPE_CHECKING:
@@ -29,6 +30,11 @@ def site_of(settings: Settings, reader: Reader) -> Site | None:
                 help_text="`max` must be greater than `min` along every axis",
             )
             return None
+    around = [*settings.sections("audience"), *settings.sections("buildings")]
+    outlines = [(settings, "fence"), *((section, "area") for section in around)]
+    twisted = [_twisted(*outline, reader) for outline in outlines]
+    if any(twisted):
+        return None
     risk = settings.section("risk")
     return settings.made(
         Site,
@@ -42,6 +48,24 @@ def site_of(settings: Settings, reader: Reader) -> Site | None:
         buildings=tuple(_building(item) for item in settings.sections("buildings")),
         risk=Risk(**{"wind": settings.number("wind")} | risk.named(Risk)),
     )
+
+
+def _twisted(settings: Settings, key: str, reader: Reader) -> bool:
+    """Tell whether an outline crosses itself, and say so (SHW123)."""
+    crossed = crossed_edges(_points(settings, key)) if key in settings else None
+    if crossed is None:
+        return False
+    count = len(settings.values[key].plain)
+    one, other = (
+        f"from corner {first + 1} to {(first + 1) % count + 1}" for first in crossed
+    )
+    reader.say(
+        "SHW123",
+        f"the outline crosses itself: the edge {one} and the edge {other}",
+        settings.mark_of(key),
+        help_text="give the corners in the order in which one walks around the area",
+    )
+    return True
 
 
 def _unsound(settings: Settings) -> bool:

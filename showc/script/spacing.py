@@ -326,9 +326,7 @@ def _key(pair: Closeness) -> tuple[float, int, int]:
     return pair.distance, pair.first, pair.second
 
 
-_MOST_ROUNDS = 400
-_EFFORT = 60_000
-_MARGIN = 1.0 + 1e-3
+_MOST_ROUNDS, _EFFORT, _MARGIN = 400, 60_000, 1.0 + 1e-3
 """Most rounds of pushing; most places moved in all of them, which bounds the time; and
 the part of the spacing that is aimed at, for rounds end before they reach it."""
 

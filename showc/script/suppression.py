@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Diagnostic, Severity, Suppressed, position
-from showc.script.show import Mark
+from showc.script.mark import Mark
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

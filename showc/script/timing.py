@@ -3,33 +3,34 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from math import inf, remainder, sin, sqrt, tau
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.lanes import (
+    SHORTEST_MOVE,
     arrival,
     chapters,
     common,
     departure,
-    ending,
     lanes,
+    left_last,
+    left_moving,
+    over,
     own_times,
-    rest,
 )
-from showc.script.show import Follow, Morph, Rotate, Travel
+from showc.script.least_time import least_duration
+from showc.script.show import Follow, Rotate
 from showc.script.wording import number_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
-    from showc.arrays import FloatArray
     from showc.script.build import Sketch
+    from showc.script.mark import Mark
     from showc.script.settings import Settings
-    from showc.script.show import Mark, Show, Transition
-    from showc.vehicle import Limits, Quadrotor
+    from showc.script.show import Show
 
 
 ENVELOPE_UNITS = {
@@ -39,68 +40,8 @@ ENVELOPE_UNITS = {
     "acceleration_down": "m/s²",
 }
 """Limits that an autopilot's envelope sets, and their units."""
-_FEW, _SAMPLE, _PAIRS = 4, 40, 2_000_000
-"""Others that each place is first held against, at least and at most, and pairs of
-places that are looked at in a script: all of them up to ten moves of 450 drones."""
 _MORE = 1.01
 """How far above the rotors' own limit a limit may be: printed ones are rounded."""
-
-
-def least_times(
-    displacement: FloatArray, limits: Limits, vehicle: Quadrotor
-) -> FloatArray:
-    """Return a time below which no drone moves by a displacement, hover to hover.
-
-    Along each axis by itself: speed and acceleration are bounded, and a point with
-    these bounds needs 2 sqrt(d / a), or d / v + v / a if it reaches the speed v. The
-    horizontal acceleration is at most the thrust's horizontal part at full tilt, the
-    vertical one what thrust and weight leave; both are generous, so that the time is
-    a lower bound. Where jerk is at most j, a move of length d takes (32 d / j)^(1/3).
-
-    Parameters
-    ----------
-    displacement
-        Shape (..., 3) [m].
-    limits
-        What the drone keeps.
-    vehicle
-        What flies.
-
-    Returns
-    -------
-    FloatArray
-        Shape (...) [s].
-    """
-    thrust = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
-    # Roll and pitch tilt together: the horizontal part is at most sqrt(2) sin(tilt).
-    level = thrust * min(1.0, sqrt(2.0) * sin(limits.tilt))
-    level = min(level, limits.acceleration or inf)
-    up = min(thrust - vehicle.gravity, limits.acceleration_up or inf)
-    down = min(vehicle.gravity, limits.acceleration_down or inf)
-    length = np.linalg.norm(displacement, axis=-1)
-    times: FloatArray = np.cbrt(32.0 * length / (limits.jerk or inf))
-    for axis in range(3):
-        distance = np.abs(displacement[..., axis])
-        forward = displacement[..., axis] > 0.0
-        speed = np.where(forward, limits.velocity_max[axis], -limits.velocity_min[axis])
-        if axis < 2:
-            gain = loss = np.full(distance.shape, level)
-        else:
-            gain = np.where(forward, up, down)
-            loss = np.where(forward, down, up)
-        times = np.maximum(times, _axis_time(distance, speed, gain, loss))
-    return times
-
-
-def _axis_time(
-    distance: FloatArray, speed: FloatArray, gain: FloatArray, loss: FloatArray
-) -> FloatArray:
-    """Return the least time of a point that gains and loses speed at given rates."""
-    mean = 1.0 / gain + 1.0 / loss
-    peak = np.sqrt(2.0 * distance / mean)
-    reached = np.minimum(peak, speed)
-    cruise = np.maximum(distance - reached**2 * mean / 2.0, 0.0)
-    return np.asarray(reached * mean + cruise / np.maximum(reached, 1e-12))
 
 
 def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
@@ -153,17 +94,18 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
                 help="leave `leave: moving` out, or give the groups one time",
             )
             return
-        moving = (row for row in members if show.transitions[row].under_way[1])
-        leaving = None if own_times(together) else next(moving, None)
+        last = left_last(together)
+        both = zip(members, together, strict=True)
+        moving = (row for row, one in both if one in last and one.under_way[1])
+        leaving = next(moving, None)
         if own_times(together):
             asked = [settings[row] for row in members]
             if found := _lane_fault(show, members, asked, earliest, before):
                 yield found
                 return
-            ends = ending(together) + rest(together)
+            earliest = over(together)
             name = " + ".join(one.to for one in together)
-            earliest = ends
-            before = f"`{name}` is held until {_time(show, ends, up=True)}"
+            before = f"`{name}` is held until {_time(show, earliest, up=True)}"
             continue
         at = next((one.at for one in together if one.at is not None), None)
         start = next((one.start for one in together if one.start is not None), None)
@@ -225,18 +167,24 @@ def loose_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             [show.transitions[row] for row in rows] for rows in (members, following)
         )
         timed = any(one.timed for one in after)
-        if not timed or own_times(before) or own_times(after):
+        if not timed or own_times(after):
             continue
+        apart = own_times(before)
         # What saves energy may leave a motion as soon as it can.
         waits = common(after) is not None or all(
             one.prefer != "energy" or one.at is None for one in after
         )
-        met = waits and any(
-            one.under_way[0] and isinstance(motion, Rotate | Follow)
-            for one in before
-            for motion in one.motion
+        met = (
+            not apart
+            and waits
+            and any(
+                one.under_way[0] and isinstance(motion, Rotate | Follow)
+                for one in before
+                for motion in one.motion
+            )
         )
-        left = met or any(one.under_way[1] for one in before)
+        ends = left_last(before) if apart else before
+        left = met or any(one.under_way[1] for one in ends)
         for rows, flown, joins in ((members, before, met), (following, after, left)):
             wishes = {one.prefer for one in flown}
             quick = wishes == {"time"} or (
@@ -268,32 +216,26 @@ def _lane_fault(
 ) -> Diagnostic | None:
     """Say which transition of a group with times of its own cannot be (SHW213)."""
     together = [show.transitions[index] for index in members]
+    if left_moving(together):
+        for row, one in enumerate(together):
+            if arrival(one) is None:
+                return Diagnostic(
+                    "SHW213",
+                    f"when `{one.name}` arrives is not known, and another group is "
+                    "left in motion when all are held",
+                    asked[row].mark,
+                    help="give it `at`, or both `start` and `duration`",
+                )
     for lane in lanes(together):
         free, why = earliest, before
         for row in lane:
             one, there = together[row], arrival(together[row])
             starts = departure(one)
-            if there is None:
-                return Diagnostic(
-                    "SHW213",
-                    f"when `{one.name}` arrives is not known, and other groups move "
-                    "meanwhile at times of their own",
-                    asked[row].mark,
-                    help="give it `at`, or both `start` and `duration`",
-                )
-            if one.under_way[1] and row == lane[-1]:
-                return Diagnostic(
-                    "SHW213",
-                    f"`{one.name}` leaves a motion under way, and groups with times of "
-                    "their own have moved before it",
-                    asked[row].mark_of("leave"),
-                    help="leave `leave: moving` out, or let the group itself fly on, "
-                    "at a time that the script says",
-                )
-            least = max(least_duration(show, members[row])[0], _SHORTEST)
+            least = max(least_duration(show, members[row])[0], SHORTEST_MOVE)
             soonest = free if starts is not None else free + least
             time = starts if starts is not None else there
-            if time < soonest - _ON_TIME:
+            there = there or max(free, starts or 0.0) + (one.duration or least)
+            if time is not None and time < soonest - _ON_TIME:
                 key = "start" if one.start is not None else "at"
                 return Diagnostic(
                     "SHW213",
@@ -315,8 +257,6 @@ def _lane_fault(
 
 _MILLISECOND = 1e-3
 """What a time may be off by rounding [s]."""
-_SHORTEST = 0.1
-"""Least time of a move [s], as for `duration`."""
 
 
 def _time(show: Show, time: float, *, up: bool = False) -> str:
@@ -378,128 +318,3 @@ def _beyond(mark: Mark, what: str, limit: float, most: float, unit: str) -> Diag
 
 def _up(time: float) -> float:
     return float(np.ceil(time * 1000.0 - 1e-6) / 1000.0)
-
-
-def least_mean_time(show: Show, index: int) -> float:
-    """Return a lower bound on a transition's time from the fleet's middle alone [s].
-
-    Some drone moves at least as far along an axis as the middle of all places does.
-    Cheap, and weaker than :func:`least_duration`.
-    """
-    ends = _ends(show, index)
-    if ends is None:
-        return 0.0
-    start, goal = ends
-    way = goal.mean(axis=0) - start.mean(axis=0)
-    # The middle may move along several axes with different drones: each by itself.
-    each = [least_times(way * axis, show.limits, show.vehicle) for axis in np.eye(3)]
-    return float(np.max(each))
-
-
-def _ends(show: Show, index: int) -> tuple[FloatArray, FloatArray] | None:
-    """Return where the drones of a transition start and end, if that is known."""
-    transition = show.transitions[index]
-    own = transition.group
-    if show.parking is not None:
-        return None
-    before = next(
-        (
-            one
-            for one in reversed(show.transitions[:index])
-            if own is None or one.group in {None, own}
-        ),
-        None,
-    )
-    rows = slice(None) if own is None else list(show.groups[own])
-    if before is None:
-        start = show.formations[show.pads].points[: show.drones][rows]
-        start = start + np.array([0.0, 0.0, show.launch.altitude])
-    elif (
-        _elsewhere(before)
-        or (own is None and before.group is not None)
-        or before.under_way[1]
-        or transition.under_way[0]
-    ):
-        return None
-    else:
-        start = show.formations[before.to].points
-        if before.group != own:
-            if before.assignment != "fixed":
-                return None
-            start = start[rows]
-    goal = show.formations[transition.to].points
-    return (start, goal) if len(start) == len(goal) else None
-
-
-def _elsewhere(held: Transition) -> bool:
-    """Tell whether a formation ends its hold in other places than it began it."""
-    return any(
-        abs(remainder(one.angle, tau)) > _ON_TIME
-        if isinstance(one, Rotate)
-        else isinstance(one, Travel | Morph | Follow)
-        for one in held.motion
-    )
-
-
-def least_duration(show: Show, index: int) -> tuple[float, int | None]:
-    """Return a lower bound on a transition's time [s], and the drone that sets it.
-
-    With fixed places it is that of the drone that needs longest. With optimal ones
-    it is that of the drone whose nearest place, or of the place whose nearest drone,
-    is furthest in time. Zero where it is not known where the drones come from.
-    """
-    transition = show.transitions[index]
-    ends = _ends(show, index)
-    if ends is None:
-        return 0.0, None
-    start, goal = ends
-    known = index == 0 or all(
-        item.assignment == "fixed" for item in show.transitions[:index]
-    )
-    if transition.assignment == "fixed" and known:
-        times = least_times(goal - start, show.limits, show.vehicle)
-        row = int(np.argmax(times))
-        own = transition.group
-        return float(times[row]), row if own is None else show.groups[own][row]
-    if transition.assignment == "fixed":
-        return 0.0, None
-    pairs = _PAIRS // len(show.transitions)
-    return max(
-        _furthest(start, goal, lambda way: _moves(show, way), pairs),
-        _furthest(goal, start, lambda way: _moves(show, -way), pairs),
-    ), None
-
-
-def _moves(show: Show, displacement: FloatArray) -> FloatArray:
-    return least_times(displacement, show.limits, show.vehicle)
-
-
-def _furthest(
-    places: FloatArray,
-    others: FloatArray,
-    times: Callable[[FloatArray], FloatArray],
-    pairs: int,
-) -> float:
-    """Return how long the way to the nearest other takes, from the furthest place [s].
-
-    Places that are near one of a few others are not looked at further; of great fleets
-    at most as many places as take little time, the least of which is a bound too.
-
-    Parameters
-    ----------
-    places, others
-        Shape (n, 3) and (m, 3) [m].
-    times
-        Least times of displacements, shape (..., 3) [m], to shape (...) [s].
-    pairs
-        How many displacements take little time.
-    """
-    sample = min(max(pairs // (2 * len(places)), _FEW), _SAMPLE)
-    few = others[:: max(len(others) // sample, 1)]
-    most = np.min([times(other - places) for other in few], axis=0)
-    least = 0.0
-    for place in np.argsort(-most, kind="stable")[: max(pairs // len(others), 1)]:
-        if most[place] <= least:
-            break
-        least = max(least, float(times(others - places[place]).min()))
-    return least

@@ -9,7 +9,8 @@ from synthetic import formation, make_show
 
 from showc.errors import PlanError
 from showc.plan import build_itinerary
-from showc.script.show import Mark, Transition
+from showc.script.mark import Mark
+from showc.script.show import Transition
 
 MARK = Mark("show.yaml", 7, 5, 7, 12)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.script.fence import Fence
+from showc.script.fence import Fence, crossed_edges
 
 L = np.array([(-30, -30), (30, -30), (30, 0), (0, 0), (0, 30), (-30, 30)], float)
 U = np.array(
@@ -96,3 +96,15 @@ def test_a_corridor_holds_its_way_and_nothing_nearer_to_the_fence_than_asked(see
         inside &= near @ normal >= plane.offset
     near = near[inside & (np.linalg.norm(near - start, axis=1) < 3.0)]
     assert fence.clearance(near).min(initial=1.0) >= 1.0 - 1e-6
+
+
+@pytest.mark.parametrize("corners", SHAPES.values(), ids=SHAPES)
+def test_whole_outlines_cross_themselves_nowhere(corners):
+    assert crossed_edges(corners) is None
+
+
+def test_outlines_that_cross_themselves_are_named():
+    bow = np.array([(0.0, 0.0), (4.0, 2.0), (4.0, 0.0), (0.0, 2.0)])
+    assert crossed_edges(bow) == (0, 2)
+    angle = np.arange(5) * 4.0 * np.pi / 5.0
+    assert crossed_edges(np.column_stack([np.cos(angle), np.sin(angle)])) == (0, 2)

@@ -321,9 +321,9 @@ def test_transforms_are_done_in_order(points):
 
 @given(st.floats(-360, 360), st.tuples(*[st.floats(-1, 1)] * 3).filter(any))
 def test_rotation_keeps_distances(angle, axis):
+    from showc.script.mark import Mark
     from showc.script.placing import transform
     from showc.script.settings import Setting, Settings
-    from showc.script.show import Mark
 
     mark = Mark("", 1, 1, 1, 1)
     parts = [Setting(float(part), mark, mark) for part in axis]

@@ -127,3 +127,25 @@ def test_a_motion_left_at_rest_and_out_of_balance_is_refused_where_jerk_is_limit
     assert "would jump where the motion is joined or left" in trouble(result.draft)
     assert not refused(read("ring", wave, "hold: 17.5, leave: moving, ", jerk))
     assert not refused(read("ring", wave, "hold: 18, leave: moving, "))
+
+
+@pytest.mark.parametrize(
+    ("formation", "code"),
+    [
+        ("{type: circle, radius: 2, centre: [0, 0, 20]}", "SHW201"),
+        ("{type: circle, radius: 20, centre: [0, 90, 20]}", "SHW203"),
+    ],
+)
+def test_a_picture_that_is_wrong_at_rest_is_no_fault_of_its_motion(formation, code):
+    text = f"""showc: 1
+drones: 20
+formations: {{ring: {formation}}}
+transitions: [{{to: ring, hold: 20, motion: [{{wave: {{amplitude: 0.2}}}}]}}]
+"""
+    assert [one.code for one in read_show(text.encode()).errors] == [code]
+
+
+def test_lengths_in_beats_are_whole_milliseconds():
+    times, music = "duration: 13 beats, hold: 19 beats, ", "music: {bpm: 140}\n"
+    (one,) = read("ring", "{wave: 0.2}", times, music=music).draft.transitions
+    assert (one.duration, one.hold) == (5.571, 8.143)

@@ -66,6 +66,25 @@ def test_what_is_flown_together_and_in_which_times(transitions, chapter, own):
     assert together(*transitions) == (chapter, own)
 
 
+def test_moves_may_be_written_one_group_after_the_other():
+    later = "to: down, group: a, at: 40, duration: 4"
+    show, blocks = read(A, B, later).show, read(A, later, B).show
+    assert show is not None and blocks is not None
+    plain = [[one.name for one in each.transitions] for each in (show, blocks)]
+    assert plain[0] == plain[1] == ["launch -> up", "launch -> far", "up -> down"]
+    assert [one.hold for one in show.transitions] == [
+        one.hold for one in blocks.transitions
+    ]
+    # The fleet's own moves stay where they are written.
+    last = read(A, "to: all, at: 60", B).show
+    assert last is None or [one.to for one in last.transitions] == ["up", "all", "far"]
+
+
+def test_times_of_one_group_that_run_backwards_are_found():
+    result = read("to: up, group: a, at: 40", "to: down, group: a, at: 20", B)
+    assert result.errors
+
+
 def test_every_group_is_held_as_long_as_it_asks_after_the_last_arrival():
     show = read(A, B, "to: down, group: a, at: 26, hold: 9").show
     assert rest(show.transitions) == 7.0
@@ -82,8 +101,24 @@ def test_cues_and_beats_are_times_of_groups_too():
     assert own_times(show.transitions)
 
 
-def test_a_move_whose_arrival_is_not_known_is_found():
-    found = fault(A, "to: far, group: b, start: 12")
+def test_a_move_may_say_only_when_it_leaves():
+    result = read(A, "to: far, group: b, start: 12, hold: 4")
+    assert result.show is not None, result.errors
+    assert own_times(result.show.transitions)
+    # Its own arrival comes later; this is a lower bound.
+    assert ending(result.show.transitions) == 21.0
+
+
+def test_a_fleet_that_takes_over_a_group_as_quickly_as_it_can_is_found():
+    over = "to: all, start: 50, prefer: time"
+    found = fault(MOVING + ", leave: moving", B.replace("14", "12"), over)
+    assert found.code == "SHW213"
+    assert "how long `up + far -> all` takes is not known" in found.message
+    assert not read(MOVING, B.replace("14", "12"), over).errors
+
+
+def test_a_motion_that_is_left_when_another_arrives_at_no_known_time_is_found():
+    found = fault(MOVING + ", leave: moving", "to: far, group: b, start: 12")
     assert found.code == "SHW213"
     assert "when `launch -> far` arrives is not known" in found.message
     assert "`duration`" in found.help
@@ -112,19 +147,16 @@ def test_a_motion_beside_groups_of_other_times_ends_before_the_fleet_stands():
     assert (ending(result.show.transitions), rest(result.show.transitions)) == (25, 3)
 
 
-@pytest.mark.parametrize(
-    ("transition", "message", "remedy"),
-    [
-        (MOVING + ", leave: moving", "leaves a motion under way", "leave `leave: mo"),
-        (MOVING.replace("hold: 5", "hold: 0"), "is held for 0 s", "0.5 s or more"),
-    ],
-)
-def test_a_motion_whose_end_is_not_known_beside_others_is_found(
-    transition, message, remedy
-):
-    found = fault(transition, B)
-    assert message in found.message
-    assert remedy in found.help
+def test_a_motion_that_is_left_under_way_lasts_until_all_groups_are_held():
+    result = read(MOVING + ", leave: moving", B.replace("14", "12"))
+    assert result.show is not None, result.errors
+    assert (ending(result.show.transitions), rest(result.show.transitions)) == (32, 0)
+
+
+def test_a_motion_of_no_time_beside_others_is_found():
+    found = fault(MOVING.replace("hold: 5", "hold: 0"), B)
+    assert "is held for 0 s" in found.message
+    assert "0.5 s or more" in found.help
 
 
 def test_a_motion_among_groups_is_as_quick_as_its_own_time_asks():

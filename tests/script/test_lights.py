@@ -99,3 +99,13 @@ def test_missions_say_once_that_they_leave_lights_out(show):
     assert (
         sum("lights at moments over row" in one for one in lights_left_out(made)) == 1
     )
+
+
+def test_a_colour_that_is_wrong_is_marked_beside_a_sound_effect(read):
+    colour = "colour: {gradient: [red, blue], along: [0, 0, 0]}"
+    (fault,) = read(
+        f"{HEAD}  - {{to: row, {colour}, effect: {{kind: pulse}}}}\n"
+    ).errors
+    line = f"  - {{to: row, {colour}"
+    assert "direction of length zero" in fault.message
+    assert fault.span.column == line.index("{gradient") + 1

@@ -113,3 +113,23 @@ def test_no_mission_has_fewer_items_than_is_said_before(servos, autopilot, monke
         if "items" in found
     ]
     assert least <= int(long.split("at least ")[1].split()[0]) <= max(counts)
+
+
+@pytest.mark.parametrize(
+    ("longitude", "volume", "said"),
+    [
+        (179.9999, "", True),
+        (-179.9999, "", True),
+        # East of it, and so far that nothing reaches it.
+        (-179.9999, ", volume: {min: [9, -90, 0], max: [90, 90, 90]}", False),
+        (-179.99, "", False),
+    ],
+)
+def test_a_site_across_the_180th_meridian_has_no_missions(longitude, volume, said):
+    origin = f"{{latitude: -16.8, longitude: {longitude}}}"
+    site = f"site: {{origin: {origin}{volume}}}\n"
+    text = site + RINGS + turns(1)
+    assert any("180th" in message for message, _ in warned(text)) == said
+    show = read_show((HEAD + text).encode()).draft
+    assert show is not None
+    assert any("180th" in one.message for one in missions.refusals(show)) == said

@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motion_reference import held
 
+from showc.script.mark import Mark
 from showc.script.moving import moving_places
 from showc.script.show import (
     Breathe,
     Follow,
     Formation,
-    Mark,
     Morph,
     Orbit,
     Rotate,

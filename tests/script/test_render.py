@@ -14,8 +14,8 @@ from lxml import etree
 
 from showc.script import Diagnostic, Label, Severity, load_show, read_show
 from showc.script.diagnostic import select_diagnostics
+from showc.script.mark import Mark
 from showc.script.render import FORMATS, render
-from showc.script.show import Mark
 
 BROKEN = Path(__file__).parent / "broken"
 

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from showc.script.settings import Settings
 
 _LARGEST = 10_000.0
+"""Farthest place from the origin [m]: as far as any site reaches."""
 _AROUND = ' \t\r"'
+"""What may surround a cell."""
 MAX_LINES = 20_000
 """Lines of a table: the largest fleet, and as many comments."""
 MAX_COLUMNS = 100

@@ -37,6 +37,7 @@ COLUMNS = ("time", "place", "x", "y", "z")
 _FURTHEST = 10_000.0
 """Greatest coordinate [m]."""
 _MOST_PLACES = 10_000
+"""Ten times the largest fleet that is planned for."""
 _MOST = 3_000_000
 """Frames times places: a minute at 50 Hz for a thousand."""
 _FEWEST = 3

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from showc.script.settings import Settings
 
 _CURVE_PIECES = 24
+"""Straight pieces of a curve: a circle's quarter is missed by 0.0005 of its radius."""
 _DARK = 0.05
+"""Level of all three colours up to which a stroke is black and has no light, 0 to 1."""
 _FARTHEST = 1e9
 """Farthest coordinate of a point, in the drawing's units."""
 MAX_ELEMENTS = 20_000

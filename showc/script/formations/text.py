@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 BUNDLED = {"regular": "Vera.ttf", "bold": "VeraBd.ttf"}
 """Fonts that come with showc (Bitstream Vera)."""
 _CURVE_PIECES = 8
+"""Straight pieces of a curve: letters have many short ones."""
 _COMPOSED = 10
 """How deep a letter may be composed of others that are composed themselves."""
 _LARGEST_LETTER = 1000

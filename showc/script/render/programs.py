@@ -12,7 +12,7 @@ from showc.script.render.text import render_text
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from showc.script.show import Mark
+    from showc.script.mark import Mark
 
 FORMAT_VERSION = "1.0"
 """Version of this JSON; the second number counts additions, the first breaks."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from showc.script.diagnostic import Diagnostic
-    from showc.script.show import Mark
+    from showc.script.mark import Mark
 
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
