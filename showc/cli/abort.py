@@ -57,7 +57,8 @@ def command(
     from showc.view.document import clock
 
     digest = digest_of(log)
-    logged = read_log(log)
+    # Of the samples nothing is needed.
+    logged = read_log(log, 1.0)
     with progress(quiet=quiet) as watcher:
         table = abort_table(
             logged, show_of(logged), every, SolveOptions(jobs=jobs), watcher

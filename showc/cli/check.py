@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 @click.option(
     "--select", multiple=True, metavar="CODE", help="Only these codes (SHW2: all 2xx)."
 )
-@click.option("--ignore", multiple=True, metavar="CODE", help="Not these codes.")
-@flag("--fix", "mending", text="Mend what has one right answer.")
+@click.option("--ignore", multiple=True, metavar="CODE", help="Leave out these codes.")
+@flag("--fix", "mending", text="Fix what has only one right answer.")
 @outside_option
-@flag("--exit-zero", text="End with 0 whatever is found.")
-@flag("-q", "--quiet", text="Say nothing when all is well.")
+@flag("--exit-zero", text="Exit with 0 whatever is found.")
+@flag("-q", "--quiet", text="Print nothing when all is well.")
 def command(
     scripts: tuple[str, ...],
     style: str,

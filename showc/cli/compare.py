@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     "--limit",
     type=Real(min=0.0),
     metavar="METRES",
-    help="Also end with 1 if a drone was farther from its plan.",
+    help="Also exit with 1 if a drone was farther from its plan.",
 )
 @click.option(
     "-o",
@@ -49,12 +49,12 @@ def command(
     output: Path | None,
     as_json: bool,
 ) -> int:
-    """Hold what was flown against the plan.
+    """Compare what was flown with the plan.
 
     FLOWN is what stream wrote, or logs of autopilots: .BIN, .tlog, or a folder of them.
-    By leg: how late the drones arrived, how far from the plan they were, and the
-    nearest that two of them came against what was proved; by drone: the greatest and
-    the mean distance and the lag. Ends with 1 if two came nearer than the show's
+    For each leg: how late the drones arrived, how far they were from the plan, and how
+    near two of them came, beside what was proved. For each drone: the greatest and the
+    mean distance, and the lag. Exits with 1 if two drones came nearer than the show's
     separation.
 
     \b
@@ -62,8 +62,9 @@ def command(
       showc compare output.mcap logs/ -o flight.html
     """
     from showc.files import write_file
-    from showc.vehicle_link.compare import compared, load_flown
+    from showc.vehicle_link.compare import compared
     from showc.vehicle_link.comparison_page import render_comparison
+    from showc.vehicle_link.overlay import load_flown
 
     flight = load_flown(plan, flown, against=against)
     result = compared(flight)

@@ -68,7 +68,7 @@ def utc(text: str) -> datetime:
     "--start-minute",
     type=Whole(0, 59),
     metavar="MINUTE",
-    help="That minute.  [default: mission.start_minute of the script]",
+    help="That minute of the hour.  [default: mission.start_minute of the script]",
 )
 @click.option(
     "--autopilot",
@@ -218,11 +218,13 @@ def _row(flown: LegFlight, start: float, name: str) -> tuple[str, ...]:
     certificate = flown.certificate
     least, bound = certificate.single_drone_minimum, certificate.dual_bound
     near = certificate.closest
+    passing = certificate.statistics.get("passing_bound")
+    pair = f", pair {passing:.3f} s" if passing is not None else ""
     return (
         name,
         f"{start:.3f} s",
         f"{flown.duration:.3f} s",
-        f"{least:.3f} s" if least > 0.0 else "",
+        f"{least:.3f} s{pair}" if least > 0.0 else "",
         f"{100.0 * certificate.gap:.2f} %" if least > 0.0 else "",
         f"{bound:.3f} s" if bound > 0.0 else "",
         f"{near.drone_a + 1} and {near.drone_b + 1}: {near.distance:.2f} m"

@@ -25,10 +25,11 @@ _SHOW = SHOW
 def command(before: Path, after: Path, as_json: bool) -> int:
     """Compare two compiled shows: rules, legs, times, paths.
 
-    A show of others, such as one that showc import made a script of, is compared by its
-    flights from one picture to the next: what does solving them again gain?
+    Another tool's show, such as one that showc import has turned into a script, is
+    compared by its flights from one picture to the next: this shows what solving them
+    again gains.
 
-    Ends with 0 if both fly the same, 1 if they differ.
+    Exits with 0 if both fly the same, 1 if they differ.
 
     \b
       showc diff monday.mcap tuesday.mcap

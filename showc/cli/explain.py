@@ -8,7 +8,7 @@ import click
 @click.command(name="explain")
 @click.argument("code", required=False)
 def command(code: str | None) -> int:
-    """Explain a code of a finding or of a check: its cause, how to mend it.
+    """Explain a code of a finding or of a check: its cause and what to do.
 
     Without a code, list them all.
 

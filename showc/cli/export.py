@@ -111,7 +111,7 @@ def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool
     "--lead",
     type=Real(0.0, 600.0),
     metavar="SECONDS",
-    help="Seconds that the fleet stands before the show begins.  [default: 10 for skyc "
+    help="How long the fleet stands before the show begins.  [default: 10 for skyc "
     "and skyb, else 0]",
 )
 @click.option(
@@ -142,8 +142,8 @@ def command(
 
     \b
       skyc          Skybrush's compiled show, for Live, Viewer and the server
-      skyb          Skybrush's binary files, one a drone, as its firmware reads them
-      skybrush-csv  a table a drone, as Studio for Blender imports them
+      skyb          Skybrush's binary files, one per drone, as its firmware reads them
+      skybrush-csv  one table per drone, as Studio for Blender imports them
       poly7         polynomial pieces (Crazyswarm, uav_trajectories)
       crazyflie     compressed trajectories, as a Crazyflie's memory holds them
       vviz          Finale 3D, Depence, Verge
@@ -155,8 +155,8 @@ def command(
     accepts, and whether show mode was measured to follow such a flight. The folder's
     export.json says what was proved; showc verify FOLDER proves it again.
 
-    Ends with 0 if all is proved, 1 if the proof finds something (the files are written,
-    and their manifest says so).
+    Exits with 0 if everything is proved, 1 if a check fails: the files are written all
+    the same, and their manifest says so.
 
     \b
       showc export output.mcap --to skyb

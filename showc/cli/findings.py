@@ -5,11 +5,11 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
+from showc.errors import escaped
 from showc.script.diagnostic import Diagnostic, Severity
+from showc.script.mark import Mark
 from showc.script.render import render
-from showc.script.show import Mark
 from showc.verify.codes import codes
-from showc.verify.report import printable
 
 if TYPE_CHECKING:
     from showc.verify.report import Check, Verdict, Verification
@@ -76,14 +76,14 @@ def render_text(verification: Verification, *, colour: bool = False) -> str:
     colour
         Whether to mark verdicts with ANSI colours.
     """
-    title, path = printable(verification.title), printable(verification.path)
+    title, path = escaped(verification.title), escaped(verification.path)
     size = f"{verification.drones} drones, {verification.duration:.3f} s"
     lines = [
-        printable(verification.verdict),
+        escaped(verification.verdict),
         f"{path}: “{title}”, {size}",
-        printable(verification.anchor),
+        escaped(verification.anchor),
     ]
-    names = max((len(printable(c.name)) for c in verification.checks), default=0)
+    names = max((len(escaped(c.name)) for c in verification.checks), default=0)
     found = [check.figures() for check in verification.checks]
     middle = max((len(value) for value, _ in found), default=0)
     group = ""
@@ -95,11 +95,11 @@ def render_text(verification: Verification, *, colour: bool = False) -> str:
         word = word.ljust(4)
         if colour:
             word = f"\x1b[{shade}m{word}\x1b[0m"
-        name = printable(check.name).ljust(names)
+        name = escaped(check.name).ljust(names)
         line = f"  {word}  {check.code}  {name}  {value.rjust(middle)}  {limit}"
         lines.append(line.rstrip())
         lines += _details(check)
-    lines += ["", printable(verification.verdict)]
+    lines += ["", escaped(verification.verdict)]
     return "\n".join(lines)
 
 
@@ -109,7 +109,7 @@ def _details(check: Check) -> list[str]:
     where = str(check.where)
     if where and (check.value != 0.0 or check.verdict != "pass"):
         texts.insert(0, where)
-    return [line for text in texts for line in _wrapped(printable(text))]
+    return [line for text in texts for line in _wrapped(escaped(text))]
 
 
 def _wrapped(text: str) -> list[str]:

@@ -11,14 +11,15 @@ from showc.cli.options import flag
 
 @click.command(name="fmt")
 @click.argument("scripts", nargs=-1, required=True, metavar="SHOW.yaml...")
-@flag("--check", text="Change nothing; end with 1 if it would.")
+@flag("--check", text="Change nothing; exit with 1 if the layout would change.")
 @flag("--diff", text="Change nothing; print what would change.")
 def command(scripts: tuple[str, ...], check: bool, diff: bool) -> int:
     """Give scripts one layout.
 
     Indentation, spaces and blank lines become uniform; values, comments, their order
     and their lines stay. The show is the same, which is checked before the file is
-    replaced. What is no valid YAML is left as it is, with its findings.
+    replaced. A file that is not valid YAML is left as it is, and its findings are
+    printed.
 
     \b
       showc fmt my-show.yaml

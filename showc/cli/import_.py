@@ -1,4 +1,4 @@
-"""``showc import``: a show of others as a script."""
+"""``showc import``: a foreign show as a script."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _stretches(text: str) -> tuple[tuple[float, float], ...]:
     type=Written("times", _seconds),
     default=(),
     metavar="SECONDS,...",
-    help="Make formations of these instants too: for shows that never hold.",
+    help="Also make formations at these instants, for shows that never hold.",
 )
 @click.option(
     "--moving",
@@ -68,12 +68,12 @@ def command(
     moving: tuple[tuple[float, float], ...],
     force: bool,
 ) -> int:
-    """Write a show of others as a script, to be solved again.
+    """Write another tool's show as a script, to be solved again.
 
-    Where the whole fleet holds in the air is a formation, with its colours;
-    transitions lead from one to the next. A picture that turns, waves or grows
-    between two holds is a moving formation: it is played as it is. Lights over a
-    picture's time, site, fence, speeds and least distance come along.
+    Each hold of the whole fleet in the air becomes a formation, with its colours;
+    transitions lead from one to the next. A picture that turns, waves or grows between
+    two holds becomes a moving formation, played as it is. The lights of a picture, the
+    site, the fence, speeds and the least distance are taken over.
 
     \b
       showc import night.skyc -o night.yaml

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from showc.errors import UsageError
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 FILE = click.Path(dir_okay=False, path_type=Path)
 FOLDER = click.Path(file_okay=False, path_type=Path)
 SHOW = click.Path(path_type=Path)
-"""A log, or a show of others: a file or a folder."""
+"""A log, or a foreign show: a file or a folder."""
 
 REPORTS = ("text", "json", "sarif", "github", "junit")
 """Formats of findings."""
@@ -64,12 +66,12 @@ def output_option(metavar: str, text: str, **more: Any) -> Decorator:
 log_argument = click.argument("log", type=FILE, metavar="OUTPUT.mcap")
 """A log of showc's own."""
 show_argument = click.argument("log", type=SHOW, metavar="OUTPUT.mcap|SHOW")
-"""Such a log, or a show of others."""
+"""Such a log, or a foreign show."""
 json_option = flag("--json", "as_json", text="Print the result as JSON.")
-quiet_option = flag("-q", "--quiet", text="No progress; only the result.")
+quiet_option = flag("-q", "--quiet", text="Print the result alone, without progress.")
 outside_option = flag(
     "--allow-outside",
-    text="Read files outside the script's folder too, links followed.",
+    text="Also read files outside the script's folder, and follow links.",
 )
 cache_option = click.option(
     "--cache-dir",
@@ -81,7 +83,7 @@ jobs_option = click.option(
     "--jobs",
     type=Whole(min=1),
     metavar="N",
-    help="Processes to work in.  [default: one for each core]",
+    help="Number of worker processes.  [default: one for each core]",
 )
 
 
@@ -159,14 +161,21 @@ def connected(command: Callable[..., int]) -> Callable[..., int]:
             "--signing-key",
             type=click.Path(exists=True, dir_okay=False, path_type=Path),
             metavar="FILE",
-            help="Sign all messages and heed only signed ones (MAVLink 2).  FILE holds "
-            "64 hexadecimal digits, or the passphrase given to the vehicles.",
+            help="Sign all messages and accept only signed ones (MAVLink 2).  FILE "
+            "holds 64 hexadecimal digits, or the passphrase given to the vehicles.",
         ),
         click.option(
             "--drones",
             type=Written("drones", numbers),
             metavar="1-20,23",
             help="Only these drones.  [default: all of them]",
+        ),
+        click.option(
+            "--systems",
+            type=Written("systems", numbers),
+            metavar="1-20",
+            help="MAVLink system ids of those drones, in the same order: for fleets on "
+            "several networks.  [default: the drones' numbers]",
         ),
         click.option(
             "--connect",
@@ -180,3 +189,23 @@ def connected(command: Callable[..., int]) -> Callable[..., int]:
     ):
         command = option(command)
     return command
+
+
+def system_ids(
+    drones: list[int] | None, systems: list[int] | None
+) -> dict[int, int] | None:
+    """Return the system ids of drones by their numbers; None: these are the ids.
+
+    Raises
+    ------
+    UsageError
+        If there are not as many of one as of the other.
+    """
+    if systems is None:
+        return None
+    if len(drones or ()) != len(systems):
+        raise UsageError(
+            f"--systems names {len(systems)} ids, --drones {len(drones or ())} drones; "
+            "give as many of both, such as --drones 251-500 --systems 1-250"
+        )
+    return dict(zip(drones or (), systems, strict=True))

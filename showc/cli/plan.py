@@ -22,7 +22,7 @@ from showc.cli.options import FILE, cache_option, flag, json_option, outside_opt
     "others (.csv), in the music's time.",
 )
 @outside_option
-@flag("--detailed-exitcode", text="End with 3 if compile would solve anything.")
+@flag("--detailed-exitcode", text="Exit with 3 if compile would solve anything.")
 def command(
     script: str,
     as_json: bool,
@@ -80,7 +80,9 @@ def command(
         for leg in legs:
             name = leg.name if leg.group is None else f"  {leg.group}: {leg.name}"
             times = (f"{time:.3f} s" for time in (leg.start, leg.lower, leg.upper))
-            asked = "" if leg.asked is None else f"; asked to end at {leg.asked:.3f} s"
+            asked = "" if leg.ends is None else f"; ends at {leg.ends:.3f} s"
+            if leg.asked is not None:
+                asked = f"; asked to end at {leg.asked:.3f} s"
             rows.append((name, *times, leg.reason + asked))
         click.echo("\n".join(columns(rows, (0, 4))))
         click.echo(f"compile would solve {pending} of {len(legs)} legs")

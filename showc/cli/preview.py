@@ -17,7 +17,7 @@ from showc.cli.options import Whole, cache_option, flag, outside_option
     type=Whole(0, 65535),
     metavar="PORT",
     default=0,
-    help="Where to listen.  [default: any port that is free]",
+    help="Port to listen on.  [default: any free port]",
 )
 @flag("--solve", text="Solve in the background, as compile does.")
 @flag("--open", "show", text="Open the page in the browser.")

@@ -49,8 +49,9 @@ def command(
     transitions (time, bound, gap, smallest separation, greatest speed and tilt),
     margins, safety case, mission prediction, hashes. Prints well.
 
-    Of a show of others (see showc view) it says what is proved of the file, and whether
-    it can be flown. It also says what the firmware makes of it, and what is not known.
+    For another tool's show (see showc view) it says what is proved of the file, and
+    whether it can be flown. It also says what the firmware makes of it, and what is
+    unknown.
 
     \b
       showc report night.skyc                    writes night-report.html
@@ -87,15 +88,18 @@ def command(
         return 0
     with progress(quiet=quiet) as watcher:
         verification = verify_log(log, progress=watcher)
-    content = render_report(logged, verification.to_json(), safety_case(logged))
+    case = safety_case(logged)
+    content = render_report(logged, verification.to_json(), case)
     write_file(page, content.encode())
     click.echo(verification.to_json()["verdict"])
+    missing = ", ".join(sorted({one.code for one in case.errors}))
+    click.echo(f"safety of the site: {f'NOT MET ({missing})' if missing else 'met'}")
     click.echo(f"wrote {page}; open it in a browser")
     return verification.exit_code
 
 
 def _report_foreign(log: Path, page: Path, rules: Rules) -> int:
-    """Write the report of a show of others; return what showc verify would."""
+    """Write the report of a foreign show; return what showc verify would."""
     from hashlib import file_digest
 
     from showc.files import write_file

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from dataclasses import replace
 from math import radians
 from pathlib import Path
@@ -34,7 +35,7 @@ from showc.cli.options import Real, json_option, log_argument, output_option
     "--shift",
     type=Real(0.0, 100.0),
     metavar="METRES",
-    help="Way by which the whole show may be moved.  [default: the script's]",
+    help="Distance by which the whole show may be moved.  [default: the script's]",
 )
 @json_option
 def command(
@@ -47,13 +48,13 @@ def command(
 ) -> int:
     """Work out where drones may fall, and what that leaves around the site.
 
-    From every state of the flight a drone without thrust falls with drag, in any wind
-    up to the stated one; all places where it may hit the ground are enclosed. So are
-    the volumes of the LBA's formulas. The script says what stands around
-    (site: audience, buildings, ceiling, fence) and what to reckon with (site: risk).
+    A drone may lose thrust at any moment of the flight; it then falls with drag, in any
+    wind up to the stated one. All places where it may hit the ground are enclosed, and
+    so are the volumes of the LBA's formulas. The script says what stands around (site:
+    audience, buildings, ceiling, fence) and what to reckon with (site: risk).
 
-    Writes a page with a drawing, and a KML map with a folder for each volume. Ends
-    with 0 if nothing is missing, 1 if something is; showc explain SAF111 says more.
+    Writes a page with a drawing, and a KML map with a folder for each volume. Exits
+    with 0 if there is no finding, 1 if there is one; showc explain SAF111 says more.
 
     \b
       showc safety output.mcap
@@ -65,8 +66,9 @@ def command(
     from showc.log.reader import read_log
     from showc.safety.assessment import safety_case, show_of
     from showc.view import render_safety
+    from showc.view.overview import WAYS_RATE
 
-    logged = read_log(log)
+    logged = read_log(log, WAYS_RATE)
     show = show_of(logged)
     risk = show.site.risk
     risk = replace(
@@ -81,7 +83,9 @@ def command(
     write_file(page, render_safety(logged, case).encode())
     write_file(page.with_suffix(".kml"), kml_file(solved_show(logged), case))
     if as_json:
-        click.echo(json.dumps(case.to_json(), indent=1))
+        # As it is made: of large fleets the text takes gigabytes in one piece.
+        json.dump(case.to_json(), sys.stdout, indent=1)
+        click.echo()
         return 1 if case.errors else 0
     for one in case.distances:
         click.echo(

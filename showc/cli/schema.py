@@ -9,8 +9,8 @@ import click
 def command() -> int:
     """Print the JSON Schema of show scripts.
 
-    An editor with YAML support completes and checks scripts by it. The first line of a
-    script names it:
+    An editor with YAML support completes and checks scripts with it. The first line of
+    a script names it:
 
     \b
       # yaml-language-server: $schema=show.schema.json

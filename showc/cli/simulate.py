@@ -40,20 +40,20 @@ from showc.cli.options import (
     type=Whole(1, 10_000),
     metavar="N",
     default=10,
-    help="How often the show is flown.",
+    help="Number of flights of the show.",
 )
 @click.option(
     "--seed",
     type=Whole(min=0),
     metavar="N",
     default=0,
-    help="Number that the gusts of all runs follow from.",
+    help="Seed of the gusts of all flights.",
 )
 @given(
     "--controller",
     type=click.Choice(("flatness", "predictive")),
     default="flatness",
-    help="By differential flatness, or model predictive: it looks 0.8 s ahead.",
+    help="Differential flatness, or model predictive control over 0.8 s.",
 )
 @flag("--no-observer", text="Fly without the disturbance observer.")
 @output_option(
@@ -76,7 +76,7 @@ def command(
 ) -> int:
     """Fly a compiled show in wind, with a model of aircraft, estimator and controller.
 
-    Twelve states, rotors that lag, drag, delay and an estimator that errs; a controller
+    Twelve states, rotors that lag, drag, delay and an imperfect estimator; a controller
     by differential flatness or a model predictive one, with a disturbance observer;
     Dryden gusts with seeds. Says how far drones stray from their paths and how near
     they come. It is a model with typical figures: it compares shows, winds and
@@ -90,6 +90,7 @@ def command(
       showc simulate output.mcap --wind 8 --gusts moderate --runs 50
     """
     from dataclasses import replace
+    from math import degrees
 
     from showc.cli.console import progress
     from showc.errors import UsageError
@@ -98,6 +99,7 @@ def command(
     from showc.log.reader import read_log
     from showc.log.schema import WIND_NAME
     from showc.safety.assessment import show_of
+    from showc.safety.fall import Fall
     from showc.simulate.campaign import Model, campaign
     from showc.simulate.results import Weather
     from showc.simulate.tracking import Gains
@@ -108,7 +110,8 @@ def command(
             "none in still air; give --wind too, for example --wind 8"
         )
     digest = digest_of(log)
-    logged = read_log(log)
+    # Of the samples nothing is needed.
+    logged = read_log(log, 1.0)
     show = show_of(logged)
     gains = replace(Gains(), observer=0.0) if no_observer else Gains()
     model = Model(gains, predictive=controller == "predictive")
@@ -139,7 +142,16 @@ def command(
     saturated = 100.0 * found.whole.saturated
     click.echo(
         f"rotors at their limits: {saturated:.2f} % of commands; limits of speed, body "
-        f"rates, thrust and lean: up to {100.0 * found.whole.used:.0f} % used"
+        f"rates and thrust, and a lean of {degrees(gains.lean):.0f}°: up to "
+        f"{100.0 * found.whole.used:.0f} % used"
     )
+    if wind:
+        body, gravity = show.body, show.vehicle.gravity
+        fall = Fall(show.vehicle.mass, body.drag_area, wind, gravity)
+        click.echo(
+            f"drag alone leans a drone that stands in this wind by up to "
+            f"{degrees(fall.lean(wind)):.0f}°; the plan tilts to "
+            f"{degrees(show.limits.tilt):.0f}° at most"
+        )
     click.echo(f"added to {log}; wrote {place}")
     return 0

@@ -17,6 +17,7 @@ from showc.cli.options import (
     json_option,
     log_argument,
     quiet_option,
+    system_ids,
 )
 
 
@@ -28,7 +29,7 @@ from showc.cli.options import (
     type=Real(min=10.0),
     metavar="HZ",
     default=20.0,
-    help="Setpoints a second for each vehicle.",
+    help="Setpoints per second for each vehicle.",
 )
 @given(
     "--corridor",
@@ -80,6 +81,7 @@ def command(
     log: Path,
     connections: tuple[str, ...],
     drones: list[int] | None,
+    systems: list[int] | None,
     rate: float,
     corridor: float,
     link_timeout: float,
@@ -96,9 +98,8 @@ def command(
 
     Puts every vehicle into the mode that follows setpoints, arms it, and flies the show
     from start to end. When a vehicle falls silent or leaves its corridor, and on
-    Ctrl-C, SIGTERM or SIGHUP, the clock that all share is brought to rest; what follows
-    is the choice of --after-stop. Ends with 0 if all flew to the end and landed, 1 if
-    not.
+    Ctrl-C, SIGTERM or SIGHUP, the clock that all share is brought to rest; --after-stop
+    says what follows. Exits with 0 if all flew to the end and landed, 1 if not.
 
     \b
       showc stream output.mcap --connect udp:127.0.0.1:14550
@@ -117,6 +118,7 @@ def command(
         after_stop=after_stop,
         set_parameters=set_parameters,
         set_gains=set_gains,
+        systems=system_ids(drones, systems),
         key=None if signing_key is None else read_key(signing_key),
     )
     with progress(quiet=quiet or as_json) as watcher:

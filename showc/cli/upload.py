@@ -15,6 +15,7 @@ from showc.cli.options import (
     given,
     json_option,
     quiet_option,
+    system_ids,
 )
 
 
@@ -36,7 +37,7 @@ from showc.cli.options import (
     type=Real(min=0.1),
     metavar="SECONDS",
     default=30.0,
-    help="Time in which a vehicle must show up.",
+    help="Time within which every vehicle must be heard.",
 )
 @flag(
     "--missing",
@@ -50,6 +51,7 @@ def command(
     folder: Path,
     connections: tuple[str, ...],
     drones: list[int] | None,
+    systems: list[int] | None,
     audit: Path | None,
     timeout: float,
     missing: bool,
@@ -63,7 +65,7 @@ def command(
     OUTPUT/ is the folder that compile wrote. Drone n goes to the vehicle with MAVLink
     system id n, after the parameters of OUTPUT/missions/ardupilot.parm. A folder mixed
     from two compiles is refused, and so are two vehicles with one system id, and armed
-    ones. Ends with 0 if every vehicle holds its mission, 1 if one does not.
+    ones. Exits with 0 if every vehicle holds its mission, 1 if one does not.
 
     \b
       showc upload output/ --connect udpin:0.0.0.0:14550
@@ -81,6 +83,7 @@ def command(
             audit=record,
             options=UploadOptions(
                 timeout=timeout,
+                systems=system_ids(drones, systems),
                 missing=missing,
                 parameters=not no_parameters,
                 key=None if signing_key is None else read_key(signing_key),

@@ -51,16 +51,16 @@ def command(
     quiet: bool,
     rules: Rules,
 ) -> int:
-    """Prove a compiled show again, from its bytes alone, or judge a show of others.
+    """Prove a compiled show from its bytes alone, or judge another tool's show.
 
     Shares no code with the compiler: reads every byte of the log, integrates the
     controls, bounds every limit and every pair's separation at every instant, compares
     samples, formations and missions. Prints a table of what was proved, with margins.
 
-    Ends with 0 if all is proved, 1 if the show breaks a rule, 2 if the file is damaged
-    or not a log of showc's.
+    Exits with 0 if everything is proved, 1 if the show breaks a rule, 2 if the file is
+    damaged or not a showc log.
 
-    Of a folder that showc export wrote, the written files are proved again. A .skyc,
+    For a folder that showc export wrote, the exported files are proved again. A .skyc,
     .skyb files, a CSV zip, poly7 files, a .vviz and an animated glTF are judged at
     every instant, by the file's own rules and by those asked for: can it be flown, and
     what does the firmware make of it?

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     "Where to put the page.  [default: OUTPUT.html]",
 )
 @flag("--open", "show", text="Open it in the browser.")
-@flag("--no-verify", text="Prove nothing; the page says that it is not.")
+@flag("--no-verify", text="Do not verify the log; the page says so.")
 @flag("--music", text="Put the recording that the script names into the page.")
 @click.option(
     "--flown",
@@ -60,9 +60,9 @@ def command(
     wrote, a .BIN, a .tlog, or a folder of such. Music plays in step: a file chosen in
     the page, or with --music the script's.
 
-    Shows of others play too, with what showc verify says of them: a .skyc, .skyb files,
-    a CSV zip, poly7 files, a .vviz, an animated glTF, a folder that showc export wrote.
-    What such a file does not say, the page names as not known. Other viewers read
+    Shows of other tools play too, with what showc verify says of them: a .skyc, .skyb
+    files, a CSV zip, poly7 files, a .vviz, an animated glTF, a folder that showc export
+    wrote. The page names what such a file does not say as unknown. Other viewers read
     the log itself: --layout writes what Foxglove and Lichtblick open it with.
 
     \b
@@ -96,7 +96,7 @@ def _write_layout(log: Path, layout: Path) -> None:
 
 
 def _draw_foreign(log: Path, page: Path, misplaced: bool, rules: Rules) -> str:
-    """Write the page of a show of others; return the verdict."""
+    """Write the page of a foreign show; return the verdict."""
     from showc.errors import UsageError
     from showc.files import write_file
     from showc.view.foreign import render_foreign
@@ -146,7 +146,7 @@ def _flown_fleet(log: Path, flown: tuple[Path, ...]) -> SecondFleet:
     import numpy as np
 
     from showc.errors import UsageError
-    from showc.vehicle_link.compare import load_flown
+    from showc.vehicle_link.overlay import load_flown
     from showc.view.scene import SecondFleet
     from showc.view.second_fleet import frame_times, mission_times
 

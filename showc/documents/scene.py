@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray
-    from showc.documents.gltf import Document, Keys
+    from showc.documents.gltf import Channel, Document, Keys
 
 
 MOST_DRONES = 5000
-"""Animated nodes that are read."""
+"""Animated nodes that are read: as many drones as Skybrush reads."""
 
 _BAKE = "bake the animation onto the drones themselves, without parents"
 MOST_NODES = 50_000
 """Nodes of a scene: ten for each drone."""
 
 _DEEPEST = 64
-"""Nodes above a node."""
+"""Nodes above a node: deeper trees are made to harm, not to be drawn."""
 
 
 class Scene:
@@ -43,18 +43,20 @@ class Scene:
         self._moved_by: dict[tuple[Any, bytes], int] = {}
         self._parents: dict[Any, int] = {}
 
-    def _moved(self) -> tuple[list[tuple[dict[str, Any], Any, int]], set[int]]:
-        """Find what moves nodes: (animation, sampler, node); and nodes that turn."""
-        moves, turned = [], set()
+    def _moved(self) -> tuple[list[Channel], set[int]]:
+        """Find what moves nodes, and nodes that turn."""
+        moves: list[Channel] = []
+        turned: set[int] = set()
         shown = self._shown()
-        for animation, sampler, path, node in self.document.channels():
+        for channel in self.document.channels():
+            node = channel.node
             if node is None or "camera" in self.entry("nodes", node):
                 continue
             if shown and shown.isdisjoint({node, *self.above(node)}):
                 continue
-            if path == "translation":
-                moves.append((animation, sampler, node))
-            elif path in {"rotation", "scale"}:
+            if channel.path == "translation":
+                moves.append(channel)
+            elif channel.path in {"rotation", "scale"}:
                 turned.add(node)
         return moves, turned
 
@@ -142,19 +144,20 @@ class Scene:
         found: dict[int, str] = {}
         self._family()
         moves, turned = self._moved()
-        moving = {node for _, _, node in moves} | turned
-        for animation, sampler, node in moves:
+        moving = {one.node for one in moves} | turned
+        for channel in moves:
+            node = channel.node
             if node in found:
-                clips = " and ".join({found[node]: 0, _clip(animation): 0})
+                clips = " and ".join({found[node]: 0, _clip(channel.animation): 0})
                 raise self._damage(
                     f"node {node} is moved by two channels, of {clips}; export one "
                     "animation for the whole show"
                 )
             if len(found) >= MOST_DRONES:
                 raise self._damage(f"moves more than {MOST_DRONES} nodes")
-            found[node] = _clip(animation)
+            found[node] = _clip(channel.animation)
             put = self._placed(node, moving)
-            keys = self.document.keys(animation, sampler, "VEC3", f"node {node}")
+            keys = self.document.keys(channel, "VEC3", f"node {node}")
             same = keys.output, put.tobytes()
             other = self._moved_by.setdefault(same, node)
             if other != node:

@@ -108,7 +108,7 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
         checks.append(_check("VRF583", "export of this log", where, wrong))
         flown = kept_apart(solved, wish.separation)
         if wish.to in MAPS:
-            return checks + prove(folder, wish.to, rules_of(solved, 0.0, 0.0), flown)
+            return checks + prove(folder, wish.to, [rules_of(solved, 0.0, 0.0)], flown)
         written = read_foreign(folder)
     except DamagedFileError as error:
         return list(damaged(folder, error).checks)
@@ -136,7 +136,7 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
     checks += _lit(written, solved, wish, lead, where)
     checks += _turned(written, followed, wish, lead, where)
     asked = rules_of(solved, off.upper, fit.velocity.upper)
-    return checks + prove(folder, wish.to, asked, flown)
+    return checks + prove(folder, wish.to, [asked], flown)
 
 
 def _lit(

@@ -55,6 +55,18 @@ class FitError:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """Files in a format of samples or pieces of the solved flight."""
+
+    files: dict[str, bytes]
+    """Content by name."""
+    error: FitError
+    """What they cost."""
+    duration: float
+    """How long the written show is [s]."""
+
+
 def _upper(found: Greatest) -> float:
     return found.upper
 

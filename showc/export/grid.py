@@ -37,6 +37,7 @@ _NEAREST = 1e-4
 acceleration in m/s²: of two choices that keep it, the nearer one."""
 
 _STEP = (0, -1, 1)
+"""Units of the grid by which a number is changed, the least change first."""
 _LEVEL = np.array(
     [(0, 0, 0, x, y, 0) for x, y in product(_STEP, repeat=2)]
     + [(1, 0, 0, 0, 0, 0), (-1, 0, 0, 0, 0, 0), (0, 1, 0, 0, 0, 0), (0, -1, 0, 0, 0, 0)]

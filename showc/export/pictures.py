@@ -15,7 +15,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from showc.documents.gltf import FLOAT, MAGIC
-from showc.export.error import error_of_lines
+from showc.export.error import Sampled, error_of_lines
 from showc.export.lights import LightNodes, light_nodes
 from showc.export.skyc import drone_name, shared
 from showc.export.tables import Samples
@@ -26,27 +26,30 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.arrays import FloatArray
-    from showc.export.error import FitError
     from showc.export.fit import FittedFleet
     from showc.export.solved import SolvedShow
     from showc.safety.case import SafetyCase
 
 
 RATE = 10
-"""Places and colours a second of a visualisation [Hz]."""
+"""Places and colours a second of a visualisation [Hz]: straight lines are 13 mm off at
+10 m/s²."""
 
 PATH_STEP = 0.5
-"""Time between two points of a path on a map [s]."""
+"""Time between two points of a path on a map [s]: lines are 0.3 m off at 10 m/s²."""
 
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
+"""Kinds of the chunks of a binary glTF: ``JSON`` and ``BIN`` (glTF 2.0, 4.4.3)."""
 _ARRAY_BUFFER = 34962
+"""Target of a view of vertices: ARRAY_BUFFER (glTF 2.0, 5.11)."""
 _POINTER = "KHR_animation_pointer"
+"""Extension that animates colours."""
 _RADIUS = 0.15
-"""Size of the diamond that stands for a drone [m]."""
+"""Size of the diamond that stands for a drone [m]: about its own."""
 
 
-def vviz_file(show: SolvedShow, lead: float) -> tuple[bytes, FitError, float]:
-    """Return a visualisation, its error, and how long the show is [s].
+def vviz_file(show: SolvedShow, lead: float) -> Sampled:
+    """Return a visualisation.
 
     Steps are differences of rounded places: rounded steps would add up.
     """
@@ -74,7 +77,7 @@ def vviz_file(show: SolvedShow, lead: float) -> tuple[bytes, FitError, float]:
     every = ",".join(side_by_side(parts))
     error = error_of_lines(samples.exact, 1.0 / RATE, 1e-3)
     text = f'{_compact(top)[:-1]},"performances":[{every}]}}'
-    return text.encode(), error, float(samples.times[-1])
+    return Sampled({"show.vviz": text.encode()}, error, float(samples.times[-1]))
 
 
 def _compact(value: dict[str, Any]) -> str:

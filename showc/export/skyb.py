@@ -35,7 +35,7 @@ CUBIC = 2
 """What a header says of an axis with three control points after the first."""
 
 YAW_RESOLUTION = 0.1
-"""Step of the yaw block [deg]."""
+"""Step of the yaw block [deg]: the format counts tenths of a degree."""
 
 
 def skyb_file(

@@ -13,6 +13,7 @@ import numpy as np
 
 from showc._version import __version__
 from showc.errors import DamagedFileError, UsageError
+from showc.export.error import Sampled
 from showc.export.fit import TOLERANCE, YAW_STEP, FittedFleet, fit_fleet
 from showc.export.lights import bytecode, light_nodes
 from showc.export.parameters import parameter_file
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from showc.export.error import FitError
     from showc.export.solved import SolvedShow
     from showc.log.showc_pb2 import Separation
     from showc.verify.report import Check
@@ -179,20 +179,19 @@ _LOST_BY_PATHS = ("attitude, body rates, thrust", "site, fence, rules")
 
 def _tables(show: SolvedShow, options: ExportOptions) -> Written:
     """Make a zip of one table a drone."""
-    files, error, duration = csv_zip(show, options.lead)
     lost = (
         "what lies between two rows: straight lines 50 ms long, so velocity jumps",
         *_LOST_BY_PATHS,
     )
-    return _sampled(files, error, duration, lost)
+    return _sampled(csv_zip(show, options.lead), lost)
 
 
 def _pieces(show: SolvedShow, options: ExportOptions) -> Written:
     """Make one file of polynomial pieces a drone."""
-    files, error, duration, step = poly7_files(show, options.lead, options.tolerance)
-    pieces = round(duration * 1000.0 / step)
-    lost = ("lights", *_LOST_BY_PATHS, *memory_notes(files, pieces))
-    return _sampled(files, error, duration, lost, {"pieces_ms": step})
+    found, step = poly7_files(show, options.lead, options.tolerance)
+    pieces = round(found.duration * 1000.0 / step)
+    lost = ("lights", *_LOST_BY_PATHS, *memory_notes(found.files, pieces))
+    return _sampled(found, lost, {"pieces_ms": step})
 
 
 def _compressed(show: SolvedShow, options: ExportOptions) -> Written:
@@ -210,12 +209,11 @@ def _compressed(show: SolvedShow, options: ExportOptions) -> Written:
 
 def _visualisation(show: SolvedShow, options: ExportOptions) -> Written:
     """Make one document of steps and colours."""
-    content, error, duration = vviz_file(show, options.lead)
     lost = (
         "what lies between two samples: straight lines 100 ms long",
         "attitude, body rates, thrust, fence, rules",
     )
-    return _sampled({"show.vviz": content}, error, duration, lost)
+    return _sampled(vviz_file(show, options.lead), lost)
 
 
 def _scene(show: SolvedShow, options: ExportOptions) -> Written:
@@ -256,24 +254,25 @@ WAITING = {"skyc", "skyb"}
 
 
 def _sampled(
-    files: dict[str, bytes],
-    error: FitError,
-    duration: float,
+    found: Sampled,
     lost: tuple[str, ...],
     more: Mapping[str, Any] = MappingProxyType({}),
 ) -> Written:
-    fit = dict(more) | _stated(error)
-    return Written(
-        files, fit, error.velocity.upper, error.position.upper, duration, lost
-    )
-
-
-def _stated(error: FitError) -> dict[str, float]:
-    return {
+    error = found.error
+    fit = {
+        **more,
         "position_error_m": _rounded(error.position.upper),
         "velocity_error_m_s": _rounded(error.velocity.upper),
         "acceleration_error_m_s2": _rounded(error.acceleration.upper),
     }
+    return Written(
+        found.files,
+        fit,
+        error.velocity.upper,
+        error.position.upper,
+        found.duration,
+        lost,
+    )
 
 
 def _programs(show: SolvedShow, lead: float, drones: Sequence[int]) -> list[bytes]:
@@ -284,21 +283,12 @@ def _programs(show: SolvedShow, lead: float, drones: Sequence[int]) -> list[byte
 def _fitted(
     files: dict[str, bytes], fitted: FittedFleet, lost: tuple[str, ...]
 ) -> Written:
-    error = fitted.error
-    fit = {
+    grid = {
         "pieces_ms": fitted.shortest,
         "lead_s": fitted.lead / 1000.0,
         "grid_mm": int(fitted.scale.max()),
-        **_stated(error),
     }
-    return Written(
-        files,
-        fit,
-        error.velocity.upper,
-        error.position.upper,
-        fitted.duration,
-        lost,
-    )
+    return _sampled(Sampled(files, fitted.error, fitted.duration), lost, grid)
 
 
 def _rounded(value: float) -> float:
@@ -416,7 +406,7 @@ def export(
                 (fresh / name).parent.mkdir(parents=True, exist_ok=True)
                 write_through(fresh / name, content)
             exported = Exported(
-                folder, written, tuple(prove(fresh, form, asked, flown))
+                folder, written, tuple(prove(fresh, form, [asked], flown))
             )
             manifest = {
                 "format_version": FORMAT_VERSION,

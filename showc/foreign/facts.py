@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -263,9 +264,15 @@ def _corners(velocity: Tracks) -> Check:
     )
 
 
-def named(show: ForeignShow, drones: Sequence[int]) -> str:
-    """Names of drones, counting from 0, as the file has them."""
-    return " and ".join(show.names[drone] for drone in drones)
+def named(show: ForeignShow, drones: Sequence[int]) -> tuple[str, ...]:
+    """Note how the file names drones, counting from 0.
+
+    There is no note where the names only count the drones, as ``drone_0003`` does.
+    """
+    names = [show.names[drone] for drone in drones]
+    numbers = [[int(number) for number in re.findall(r"\d+", name)] for name in names]
+    counted = numbers == [[drone + 1] for drone in drones]
+    return () if counted else (" and ".join(names),)
 
 
 def closest_pairs(tracks: Tracks, found: Encounter) -> list[tuple[int, int]]:
@@ -369,7 +376,7 @@ def all_pairs(
         limit = asked.separation.distance
         pairs = closest_pairs(tracks, found)
         first = pairs[0]
-        notes = [named(show, first), *([] if asked.source else [NO_LIMIT])]
+        notes = [*named(show, first), *([] if asked.source else [NO_LIMIT])]
         verdict: Verdict = "pass" if found.lower >= limit - ROUNDING else "fail"
         if len(pairs) > 1:
             notes.append(f"{len(pairs) - 1} more pairs are as near at that instant")

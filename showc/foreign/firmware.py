@@ -15,7 +15,7 @@ and asked of its own code:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, sqrt
 from typing import TYPE_CHECKING
 
@@ -370,46 +370,49 @@ def _waits(found: Phases, firmware: Firmware) -> Check:
     )
 
 
+def _held(breach: Check, values: FloatArray, times: FloatArray | None = None) -> Check:
+    """Hold the greatest of the drones' values against a limit.
+
+    Parameters
+    ----------
+    breach
+        What is said where the limit is exceeded.
+    values
+        By drone, in the limit's unit.
+    times
+        When each drone has its value [s], if that says anything.
+    """
+    assert breach.limit is not None  # noqa: S101 - given
+    worst = int(np.argmax(values))
+    place = Place(drone=worst + 1)
+    if times is not None and np.isfinite(times[worst]):
+        place = replace(place, time=float(times[worst]))
+    found = replace(breach, value=float(values[worst]), where=place)
+    if values[worst] > breach.limit:
+        return found
+    return replace(found, verdict="pass", notes=())
+
+
 def _climb(found: Phases, firmware: Firmware) -> Check:
-    worst = int(np.argmax(found.drift))
-    value = float(found.drift[worst])
-    return Check(
-        "VRF544",
-        GROUP,
-        f"file climbs straight to {firmware.takeoff_height:g} m",
-        "pass" if value <= VERTICAL else "fail",
-        value,
-        VERTICAL,
-        "m",
-        Place(drone=worst + 1, time=_finite(float(found.above[worst]))),
-        ()
-        if value <= VERTICAL
-        else ("the vehicle climbs straight up while the file moves sideways",),
+    name = f"file climbs straight to {firmware.takeoff_height:g} m"
+    note = "the vehicle climbs straight up while the file moves sideways"
+    breach = Check(
+        "VRF544", GROUP, name, "fail", limit=VERTICAL, unit="m", notes=(note,)
     )
+    return _held(breach, found.drift, found.above)
 
 
 def _passes(found: Phases, firmware: Firmware) -> Check:
     """Whether the vehicle, which stops at the take-off height, falls behind there."""
-    worst = int(np.argmax(found.passing))
-    value = float(found.passing[worst])
-    return Check(
-        "VRF548",
-        GROUP,
-        f"speed at which the file passes {firmware.takeoff_height:g} m",
-        "pass" if value <= PASSED else "warning",
-        value,
-        PASSED,
-        "m/s",
-        Place(drone=worst + 1, time=_finite(float(found.above[worst]))),
-        ()
-        if value <= PASSED
-        else (
-            (
-                "the vehicle's own climb ends standing at that height: at 2 m/s it was "
-                "0.7 m behind its file at once, and on it again after 1.2 s"
-            ),
-        ),
+    name = f"speed at which the file passes {firmware.takeoff_height:g} m"
+    note = (
+        "the vehicle's own climb ends standing at that height: at 2 m/s it was 0.7 m "
+        "behind its file at once, and on it again after 1.2 s"
     )
+    breach = Check(
+        "VRF548", GROUP, name, "warning", limit=PASSED, unit="m/s", notes=(note,)
+    )
+    return _held(breach, found.passing, found.above)
 
 
 def _lands(found: Phases, tracks: Tracks, firmware: Firmware) -> Check:
@@ -462,17 +465,8 @@ def _stands(show: ForeignShow, tracks: Tracks, firmware: Firmware) -> Check:
         )
     first = tracks.position[tracks.first[:-1], 0]
     off = np.sqrt(((first - show.home)[:, :2] ** 2).sum(axis=1))
-    worst = int(np.argmax(off))
-    return Check(
-        "VRF546",
-        GROUP,
-        name,
-        "pass" if off[worst] <= firmware.takeoff_error else "fail",
-        float(off[worst]),
-        firmware.takeoff_error,
-        "m",
-        Place(drone=worst + 1),
-    )
+    limit = firmware.takeoff_error
+    return _held(Check("VRF546", GROUP, name, "fail", limit=limit, unit="m"), off)
 
 
 def _lights(show: ForeignShow) -> Check:
@@ -483,15 +477,8 @@ def _lights(show: ForeignShow) -> Check:
         if not isinstance(program, bytes) or program in done:
             continue
         if len(program) > LARGEST_BLOCK:
-            return Check(
-                "VRF547",
-                GROUP,
-                name,
-                "fail",
-                float(len(program)),
-                float(LARGEST_BLOCK),
-                "bytes",
-            )
+            size, most = float(len(program)), float(LARGEST_BLOCK)
+            return Check("VRF547", GROUP, name, "fail", size, most, "bytes")
         if len(done) >= _LIGHTS_JUDGED:
             break
         done.add(program)
@@ -507,7 +494,3 @@ def _lights(show: ForeignShow) -> Check:
                 notes=(str(error),),
             )
     return Check("VRF547", GROUP, name, "pass", notes=(f"{len(done)} different ones",))
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -171,26 +171,41 @@ def read_manifest(folder: Path) -> Manifest:
     )
 
 
-def verify_export(folder: Path) -> Verification:
-    """Prove an export again from its bytes."""
+def verify_export(folder: Path, beside: Asked | None = None) -> Verification:
+    """Prove an export again from its bytes.
+
+    Parameters
+    ----------
+    folder
+        Where it lies.
+    beside
+        Rules that the written flights must keep besides those of the manifest.
+    """
+    rules = f"the rules in {MANIFEST}"
     try:
         manifest = read_manifest(folder)
     except DamagedFileError as error:
         return damaged(folder, error)
     checks = [hashes(folder, manifest.files)]
-    checks += prove(folder, manifest.format, manifest.asked, manifest.flown)
+    asked = [manifest.asked]
+    if beside is not None:
+        asked.insert(0, beside)
+        rules += f" and {beside.source} rules"
+    checks += prove(folder, manifest.format, asked, manifest.flown)
     kind = Drawing if manifest.format in DRAWINGS else Verification
     return kind(
         str(folder),
         manifest.show,
         manifest.drones,
         manifest.duration,
-        f"the rules in {MANIFEST}",
+        rules,
         tuple(checks),
     )
 
 
-def prove(folder: Path, form: str, asked: Asked, flown: Separation) -> list[Check]:
+def prove(
+    folder: Path, form: str, asked: list[Asked], flown: Separation
+) -> list[Check]:
     """Prove the written files of an export.
 
     Parameters
@@ -200,7 +215,7 @@ def prove(folder: Path, form: str, asked: Asked, flown: Separation) -> list[Chec
     form
         Format by its name on the command line.
     asked
-        Rules that the written flights must keep.
+        Rules that the written flights must keep, those of the show last.
     flown
         Separation that must be left when show mode flies them.
     """
@@ -215,7 +230,7 @@ def prove(folder: Path, form: str, asked: Asked, flown: Separation) -> list[Chec
         return list(damaged(folder, error).checks)
     # The parameter file beside the files makes the firmware climb faster.
     firmware = Firmware(climb_speed=5.0, climb_acceleration=5.0)
-    found = answer(show, [asked], firmware if form in SHOW_MODE else None)
+    found = answer(show, asked, firmware if form in SHOW_MODE else None)
     checks = found.facts
     if form in SMOOTH:
         checks = [_strict(check) for check in checks]

@@ -14,14 +14,15 @@ from showc.errors import DamagedFileError
 from showc.foreign.show import LightTrack
 
 FRAME = 0.02
-"""Length of a frame [s]."""
+"""Length of a frame [s]: light programs count time in fiftieths of a second."""
 
-END, NOP, SLEEP, WAIT_UNTIL = 0, 1, 2, 3
-SET_COLOUR, SET_GREY, SET_BLACK, SET_WHITE = 4, 5, 6, 7
-FADE_COLOUR, FADE_GREY, FADE_BLACK, FADE_WHITE = 8, 9, 10, 11
-LOOP_BEGIN, LOOP_END, RESET_CLOCK = 12, 13, 14
-PYRO, PYRO_ALL = 20, 21
-"""Commands of the bytecode of light programs, by their number in the format."""
+END, NOP, SLEEP, WAIT_UNTIL, SET_COLOUR, SET_GREY, SET_BLACK, SET_WHITE = range(8)
+"""Commands that last no time or a given one, by their number in Skybrush's bytecode."""
+FADE_COLOUR, FADE_GREY, FADE_BLACK, FADE_WHITE = range(8, 12)
+"""Commands that fade to a colour, in the order of those that set one."""
+LOOP_BEGIN, LOOP_END, RESET_CLOCK, PYRO, PYRO_ALL = 12, 13, 14, 20, 21
+"""Commands about the program itself, and two of pyrotechnics that carry a byte. Those
+between, 16 to 19, are colours by channels of a transmitter, and jumps: refused."""
 
 MOST_STEPS = 200_000
 """Commands after which a program is read no further: an hour at the frame rate."""

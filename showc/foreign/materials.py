@@ -53,8 +53,8 @@ class Materials:
         self._document = document
         self._changes: dict[tuple[int, str], LightTrack] = {}
         count = 0
-        for animation, sampler, path, _ in document.channels():
-            parts = path.split("/", 3)
+        for channel in document.channels():
+            parts = channel.path.split("/", 3)
             if len(parts) != 4 or parts[1] != "materials" or not parts[2].isdecimal():
                 continue
             number_, name = int(parts[2]), parts[3]
@@ -63,7 +63,7 @@ class Materials:
             what = f"{name} of material {number_}"
             if (number_, name) in self._changes:
                 raise document.damage(f"{what} is changed by two channels")
-            keys = document.keys(animation, sampler, _KINDS[name], what)
+            keys = document.keys(channel, _KINDS[name], what)
             self._changes[number_, name] = _track(keys)
             count += len(self._changes[number_, name].times)
             if count > MOST_COLOURS:

@@ -1,4 +1,4 @@
-"""A show of others as a script: what it holds becomes formations, the rest transitions.
+"""A foreign show as a script: what it holds becomes formations, the rest transitions.
 
 The fleet holds where no drone moves faster than a few centimetres a second for a while.
 Each such picture is a formation with its colours; between two of them lies a

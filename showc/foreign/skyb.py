@@ -32,8 +32,7 @@ POINTS_AFTER = np.array([0, 1, 3, 7])
 """Control points after the first, by the two bits of an axis: also the degree."""
 
 _HEAD = struct.Struct("<BH")
-_START = 9
-_SEGMENT = 3
+_START, _SEGMENT = 9, 3
 """Lengths of what comes first in a block of trajectories and in each of its segments
 [bytes]: the scale and the first point; the header and the duration."""
 _YAW_STEP = np.dtype([("duration", "<u2"), ("delta", "<i2")])

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 GRAVITY = 9.80665
-"""Standard acceleration of free fall [m/s²]."""
+"""Standard acceleration of free fall [m/s²] (CGPM 1901)."""
 
 BOXES = 4
 """Boxes that make a kernel: the acceleration of straight lines becomes a cubic."""
@@ -52,7 +52,7 @@ WIDEST = 10.0
 """Widest kernel that is tried [s]: a wider one makes another show."""
 
 NARROWEST = 0.05
-"""Step of the widths [s]."""
+"""Step of the widths, and the least [s]: a fifth of the quarter second of a piece."""
 
 FASTEST = 100.0
 """Speed along an axis beyond which nothing is smoothed [m/s]: no multicopter has it."""

@@ -1,4 +1,4 @@
-"""Three answers about a show of others, kept apart.
+"""Three answers about a foreign show, kept apart.
 
 What the file says, exactly; whether it can be flown, smoothed as little as an aircraft
 needs; what the firmware makes of it.
@@ -123,7 +123,7 @@ class Measured(Unflown):
 
 @dataclass(frozen=True, slots=True)
 class Questions:
-    """What a show of others is asked."""
+    """What a foreign show is asked."""
 
     asked: Asked | None = None
     """The user's rules, beside the file's own."""

@@ -53,6 +53,7 @@ RATE = 10.0
 FRAME_BUDGET = 250_000
 """Greatest number of positions (frames x drones): 1 s is to be enough for a change."""
 _STILL = 1e-9
+"""Time that is rounding [s]."""
 _INSTANT = 1e-3
 """Least time of a move [s]: drones may come to rest on the spot."""
 _LONGEST = 3

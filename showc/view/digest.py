@@ -54,6 +54,15 @@ class Digest:
         return found.get("airframe_bound")
 
     @property
+    def passing(self) -> tuple[int, int, float] | None:
+        """Two drones, from 1, and what they need to pass each other [s]."""
+        said = self.segment.message.certificate.statistics
+        if "passing_bound" not in said:
+            return None
+        pair = said.get("passing_drone", 0.0), said.get("passing_other", 0.0)
+        return int(pair[0]), int(pair[1]), said["passing_bound"]
+
+    @property
     def gap(self) -> float | None:
         """Duration over the greatest single-drone minimum, minus one."""
         least = float(self.segment.message.certificate.single_drone_minimum)

@@ -1,4 +1,4 @@
-"""Shows of others on the same pages as our own: what their files say, and no more.
+"""Foreign shows on the same pages as our own: what their files say, and no more.
 
 What a file does not say is named, and not drawn: fence, north, limits, lights. Curves
 are samples to look at; findings, figures and closest encounters are those of the proof.
@@ -61,7 +61,7 @@ LIT = 120
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A show of others and what was found about it."""
+    """A foreign show and what was found about it."""
 
     show: ForeignShow
     """As it was read."""
@@ -88,12 +88,12 @@ class Judged:
 
 
 def render_foreign(judged: Judged) -> str:
-    """Return the page that plays a show of others."""
+    """Return the page that plays a foreign show."""
     return render_whole(foreign_scene(judged), judged.verification)
 
 
 def foreign_scene(judged: Judged) -> Scene:
-    """Return what a page draws of a show of others."""
+    """Return what a page draws of a foreign show."""
     show, tracks = judged.show, judged.show.tracks
     count = max(2, min(int(tracks.end * RATE), FRAME_BUDGET // show.drones))
     step = tracks.end / count
@@ -333,7 +333,7 @@ def _cues(show: ForeignShow) -> Soundtrack | None:
 
 
 def render_foreign_report(judged: Judged, hashes: Mapping[str, str]) -> str:
-    """Return the report of a show of others as one printable HTML page.
+    """Return the report of a foreign show as one printable HTML page.
 
     Parameters
     ----------
@@ -384,7 +384,7 @@ def _head(judged: Judged, scene: Scene) -> str:
         missing = f"<p>Not known: {text(', '.join(scene.unknown))}.</p>"
     return (
         f"<header><div><h1>{text(show.title)}</h1>"
-        f"<p>Report on a show of others, read from {text(show.format)} · {where}</p>"
+        f"<p>Report on another tool's show, read from {text(show.format)} · {where}</p>"
         f"{missing}</div>{badge(judged.verification)}</header>"
     )
 

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from showc.ocp.history import IntervalRecord, MeshRecord, PhaseRecord, Step
 
 WIDTH, LEFT, RIGHT = 940.0, 52.0, 96.0
+"""Of the drawing, and of its margins for words [px]."""
 BAND, GAP, BOTTOM = 34.0, 7.0, 24.0
+"""Heights of a mesh, between two, and of the axis [px]."""
 COLOURS = {
     "KEPT": "#c9d3e3",
     "CUT": "#d9541e",

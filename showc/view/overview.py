@@ -51,9 +51,10 @@ class Overview:
 def overview_of(logged: LoggedShow) -> Overview:
     """Return what drawings show of a log."""
     heights = logged.positions[..., 2]
+    wanted = max(WAYS_RATE * logged.duration, 1.0)
     return Overview(
         ground_of(logged),
-        logged.positions[:: max(1, round(logged.rules.log_rate / WAYS_RATE))],
+        logged.positions[:: max(1, round(logged.times.size / wanted))],
         float(heights.min()),
         float(heights.max()),
         tuple(_pictures(logged)),

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 
 WIDTH, HEIGHT = 460.0, 170.0
+"""Of a plot [px]: two stand side by side on a page."""
 LEFT, RIGHT, TOP, BOTTOM = 52.0, 8.0, 8.0, 22.0
+"""Its margins, for the numbers of its axes [px]."""
 COLOURS = ("#2459c4", "#d9541e", "#14804a", "#8b3fb5")
 """Of the curves, in order."""
 

@@ -22,7 +22,7 @@ from showc.view.document import (
 )
 from showc.view.overview import overview_of
 from showc.view.pictures import pictures_section
-from showc.view.safety import safety_section
+from showc.view.safety import safety_badge, safety_section
 from showc.view.sitemap import map_from_above, map_from_the_side
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def render_report(
     digests = digest(logged)
     overview = overview_of(logged)
     body = [
-        _head(logged, verification),
+        _head(logged, verification, case),
         _figures(logged, digests),
         site_section(overview),
         "" if case is None else safety_section(logged, case),
@@ -92,13 +92,18 @@ def render_report(
     return document(f"{logged.rules.name} – report", "\n".join(body))
 
 
-def _head(logged: LoggedShow, verification: Mapping[str, Any] | None) -> str:
+def _head(
+    logged: LoggedShow,
+    verification: Mapping[str, Any] | None,
+    case: SafetyCase | None,
+) -> str:
     site = logged.rules.site
+    safe = "" if case is None else safety_badge(case)
     return (
         f"<header><div><h1>{text(logged.rules.name)}</h1>"
         f"<p>Drone show report · site {site.latitude:.6f}°, {site.longitude:.6f}°, "
         f"{site.altitude:.1f} m · heading {site.heading:.1f}°</p></div>"
-        f"{badge(verification)}</header>"
+        f'<div class="verdicts">{badge(verification)}{safe}</div></header>'
     )
 
 
@@ -210,7 +215,7 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
         '<p class="note">Speeds are those of the whole motion. Their limit holds along '
         "each axis: a slanted flight may be faster, and keeps it.</p>"
     )
-    note += _envelope_cost(digests)
+    note += _passing(digests) + _envelope_cost(digests)
     return f"<h2>Moves</h2>{table(heads, rows, words=frozenset({1}))}{note}"
 
 
@@ -229,6 +234,17 @@ def _group_move(move: pb.Move) -> list[str]:
         "",
         "",
     ]
+
+
+def _passing(digests: tuple[Digest, ...]) -> str:
+    """Say what pairs need to pass each other, where that is more than one alone."""
+    return "".join(
+        f'<p class="note">{text(one.segment.message.name)}: drones {one.passing[0]} '
+        f"and {one.passing[1]} need {one.passing[2]:.3f} s at least to pass each "
+        "other, by the planner's own bound.</p>"
+        for one in digests
+        if one.passing is not None
+    )
 
 
 def _envelope_cost(digests: tuple[Digest, ...]) -> str:

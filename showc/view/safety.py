@@ -10,7 +10,7 @@ import numpy as np
 from showc.log import showc_pb2 as pb
 from showc.safety.ground import area
 from showc.safety.stop import time_to_rest
-from showc.simulate.results import CONFIDENCE, Campaign
+from showc.simulate.results import CONFIDENCE, LEAN, Campaign
 from showc.view.document import clock, document, small, table, text
 from showc.view.overview import overview_of
 from showc.view.plot import Curve, line_plot
@@ -37,18 +37,26 @@ COLOURS = ("#2459c4", "#d9541e", "#c22036", "#8b3fb5", "#7a8191")
 
 def render_safety(logged: LoggedShow, case: SafetyCase) -> str:
     """Return the safety case as a printable HTML page of its own."""
-    kind, word = ("fail", "NOT MET") if case.errors else ("pass", "MET")
-    if not case.errors and case.findings:
-        kind, word = "open", "MET, WITH WARNINGS"
     site = case.show.site
     body = (
         f"<header><div><h1>{text(case.show.name)}</h1><p>Safety case · site "
         f"{site.latitude:.6f}°, {site.longitude:.6f}°, {site.altitude:.1f} m · "
-        f'heading {site.heading:.1f}°</p></div><div class="verdict {kind}">{word}'
-        f"<small>findings: {len(case.findings)}</small></div></header>"
+        f"heading {site.heading:.1f}°</p></div>{safety_badge(case)}</header>"
         f"{safety_section(logged, case)}"
     )
     return document(f"{case.show.name} – safety case", body)
+
+
+def safety_badge(case: SafetyCase) -> str:
+    """Return the verdict of the safety case, and how much was found."""
+    kind, word = ("fail", "NOT MET") if case.errors else ("pass", "MET")
+    if not case.errors and case.findings:
+        kind, word = "open", "MET, WITH WARNINGS"
+    errors, all_ = len(case.errors), len(case.findings)
+    return (
+        f'<div class="verdict {kind}">SAFETY OF THE SITE: {word}'
+        f"<small>errors: {errors}, warnings: {all_ - errors}</small></div>"
+    )
 
 
 def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
@@ -70,7 +78,8 @@ def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
         f"{_failures(case.failures)}{_stops(case.stops)}"
         f"{_aborts(logged)}{_wind(case, Campaign.of(logged))}{_energy(case)}"
         f"{_spared(logged)}"
-        '<p class="note">Falls: a drone without thrust, drag area '
+        f'<p class="note">Falls: a drone of {case.show.vehicle.mass:g} kg, '
+        f"{case.flying.size:g} m from tip to tip, without thrust, drag area "
         f"{case.show.body.drag_area[0]:g} to {case.show.body.drag_area[1]:g} m², "
         f"steady wind up to {risk.wind:g} m/s from any direction; impact at up to "
         f"{case.impact_speed:.1f} m/s and {case.impact_energy:.0f} J. Formulas: LBA, "
@@ -210,9 +219,20 @@ def _aborts(logged: LoggedShow) -> str:
 
 
 def _wind(case: SafetyCase, flown: Campaign | None) -> str:
-    """Return how far drones strayed in simulated wind, leg by leg."""
+    """Return what wind asks of drones, and how far they strayed in a simulated one."""
+    risk, limits = case.show.site.risk, case.show.limits
+    standing, flying = (f"{np.degrees(lean):.0f}°" for lean in case.leans)
+    said = (
+        f"<h3>Wind</h3><p>A steady wind of {risk.wind:g} m/s leans a drone that stands "
+        f"by up to {standing}, and the fastest drone, against it, by up to {flying} "
+        "(drag alone, an estimate). The plan itself tilts by no more than "
+        f"{np.degrees(limits.tilt):.0f}°.</p>"
+    )
     if flown is None:
-        return "<p>Not flown in simulated wind: <code>showc simulate</code> does.</p>"
+        return (
+            f"{said}<p>Not flown in simulated wind: <code>showc simulate</code> does."
+            "</p>"
+        )
     show, weather = case.show, flown.weather
     wanted = show.kept
     lines = []
@@ -243,13 +263,15 @@ def _wind(case: SafetyCase, flown: Campaign | None) -> str:
         else ""
     )
     return (
-        "<h3>Wind</h3><p>A simulation with typical figures, not of one aircraft: "
+        f"{said}<p>A simulation with typical figures, not of one aircraft: "
         f"{weather.runs} flights in a wind of {weather.wind:g} m/s with "
         f"{text(weather.gusts)} gusts (Dryden), {text(flown.controller)} controller "
         f"{watched} disturbance observer. Tubes hold their share of flights of single "
         f"drones with a confidence of {100.0 * CONFIDENCE:.0f} %. Two drones are "
-        f"to keep {wanted:g} m{planned}; red: they came nearer.</p>"
-        + table(heads, lines, words=frozenset({0}))
+        f"to keep {wanted:g} m{planned}; red: they came nearer. Limits taken are those "
+        "of speed, body rates and thrust, and a lean of "
+        f"{np.degrees(LEAN):.0f}°, not the tilt of the plan; above 100 % one "
+        "was left.</p>" + table(heads, lines, words=frozenset({0}))
     )
 
 

@@ -235,7 +235,7 @@ class Scene:
     findings: tuple[Finding, ...] = ()
     """What verification says, listed and marked."""
     unknown: tuple[str, ...] = ()
-    """What a show of others does not say, in words."""
+    """What a foreign show does not say, in words."""
     names: tuple[str, ...] = ()
     """Of the drones; none: they are numbered."""
 

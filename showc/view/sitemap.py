@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 
 WIDTH, HEIGHT, MARGIN = 440.0, 340.0, 34.0
+"""Of the map, and of the room for its scale around it [px]."""
 DOTS = 1500
 """Most places drawn of all formations together."""
 PATHS = 60
@@ -196,7 +197,7 @@ def map_from_the_side(overview: Overview) -> str:
             f'<path d="M{x0:.1f},{y1:.1f}H{x1:.1f}" stroke="#e0701b" '
             'stroke-width="1.6" stroke-dasharray="6 3"/>'
             f'<text x="{x0 + 5:.1f}" y="{y1 - 5:.1f}" style="fill:#a85210">'
-            f"ceiling {top:.1f} m</text>"
+            f"volume up to {top:.1f} m</text>"
         )
     return svg(
         [

@@ -5,6 +5,7 @@ import struct
 import zipfile
 
 import pytest
+from click.testing import CliRunner
 
 from showc.errors import UsageError
 from showc.export.skyb import skyb_file
@@ -159,3 +160,33 @@ def test_a_drawing_is_never_called_proved_to_fly(vertical, tmp_path, form):
     (folder / "stray.txt").write_text("?")
     again = verify_export(folder)
     assert again.verdict.startswith("NOT PROVED: ") and again.exit_code == 1
+
+
+def test_rules_asked_for_are_proved_beside_those_of_the_export(vertical, tmp_path):
+    from showc.cli.verify import command
+
+    folder = export(
+        vertical, SOURCE, "skyb", tmp_path / "x", ExportOptions(10.0)
+    ).folder
+
+    def said(*options):
+        return CliRunner().invoke(
+            command, [str(folder), *options], standalone_mode=False
+        )
+
+    assert said().return_value == 0
+    wide = said("--separation", "50", "--json")
+    apart = {
+        check["name"]: check
+        for check in json.loads(wide.output)["checks"]
+        if check["code"] == "VRF504"
+    }
+    assert wide.return_value == 1
+    assert apart["separation of all pairs, asked"]["verdict"] == "fail"
+    assert apart["separation of all pairs, the script's"]["verdict"] == "pass"
+    # Its drones are named by their numbers, which the place says already.
+    notes = [note for check in apart.values() for note in check["notes"]]
+    assert not any("drone" in note for note in notes)
+    tilt = said("--tilt", "20")
+    assert isinstance(tilt.exception, UsageError)
+    assert "--tilt 20" in str(tilt.exception)

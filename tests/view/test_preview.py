@@ -67,7 +67,7 @@ def test_a_draft_goes_from_place_to_place_on_straight_lines():
 
 
 def test_times_of_a_draft_are_near_those_of_straight_flights():
-    from showc.fleet.timetable import straight_time
+    from showc.fleet.pace import straight_time
 
     draft = draft_of(BIG)
     for leg, length in zip(draft.itinerary.legs, draft.durations, strict=True):
