@@ -19,7 +19,7 @@ show: $(VENV)/.installed
 	$(BIN)/showc verify output.mcap
 
 test: $(VENV)/.installed-dev
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile --durations=30
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

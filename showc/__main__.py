@@ -23,9 +23,12 @@ from showc.cli import showc
 from showc.errors import ShowError, UsageError, printable
 from showc.files import write_file
 
-EXIT_INTERRUPTED = 130
-EXIT_INTERNAL = 70
+EXIT_INTERRUPTED, EXIT_INTERNAL = 130, 70
+"""Exit codes: 128 and the number of SIGINT, as shells have it; EX_SOFTWARE of BSD."""
+
 REPORT = Path("showc-crash.txt")
+"""Where a fault of showc's own is written down."""
+
 _EXTRAS = {"pymavlink": "link", "distributed": "cluster"}
 """Packages that are installed on demand, and by which extra."""
 _OF_THE_SYSTEM = {

@@ -22,6 +22,7 @@ from showc.plan.assignment import assign, in_order
 from showc.plan.itinerary import Itinerary, Leg
 from showc.safety.stop import PERIOD, Motion, SharedClock, authority_within, stops
 from showc.script.fence import inside_polygon
+from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -234,10 +235,7 @@ class _Planner:
     def _may_land(self, below: FloatArray) -> bool:
         """Tell whether drones may stand at ``below``: apart, and on free ground."""
         separation = self.show.separation
-        if separation.shape in {"sphere", "ellipsoid"}:
-            gap = np.hypot(*np.moveaxis(below[:, None, :2] - below[None, :, :2], 2, 0))
-        else:
-            return False
+        gap = measure(below[:, None] - below, separation)
         np.fill_diagonal(gap, np.inf)
         if gap.min() < separation.distance:
             return False

@@ -61,3 +61,17 @@ def printable(text: str) -> str:
         sign if sign.isprintable() or sign == "\n" else "\N{REPLACEMENT CHARACTER}"
         for sign in text
     )
+
+
+def escaped(text: str) -> str:
+    """Return text in which nothing can move a cursor, end a line or hide.
+
+    Whatever is not printable (control characters, line ends, marks of direction) is
+    written as a backslash and its number.
+    """
+    return "".join(
+        letter
+        if letter.isprintable()
+        else letter.encode("unicode_escape", "backslashreplace").decode("ascii")
+        for letter in text
+    )

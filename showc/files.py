@@ -38,7 +38,7 @@ _LONGEST_CHANGE = 20.0
 """Time after which a folder that another process holds is given up [s]: ten thousand
 small files are put in their place in a tenth of that."""
 _PAUSE = 0.02
-"""Time between two looks at a lock [s]."""
+"""Time between two looks at a lock [s]: fifty a second cost no time that counts."""
 _SCRATCH = re.compile(r"\.showc-[a-z0-9_]{8}")
 """Name of a folder for what is temporary: short, for sockets in it have short names."""
 _WITHOUT_WAITING = (

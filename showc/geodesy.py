@@ -97,34 +97,15 @@ class SiteFrame:
 
     def to_geodetic(self, points: ArrayLike) -> FloatArray:
         """Latitude, longitude [deg], altitude above mean sea level [m], (..., 3)."""
-        enu = self.to_enu(points)
-        return np.stack(
-            pymap3d.enu2geodetic(
-                enu[..., 0],
-                enu[..., 1],
-                enu[..., 2],
-                self.latitude,
-                self.longitude,
-                self.altitude,
-            ),
-            axis=-1,
-        )
+        enu = np.moveaxis(self.to_enu(points), -1, 0)
+        here = self.latitude, self.longitude, self.altitude
+        return np.stack(pymap3d.enu2geodetic(*enu, *here), axis=-1)
 
     def from_geodetic(self, geodetic: ArrayLike) -> FloatArray:
         """Show-frame positions (..., 3) of what :meth:`to_geodetic` returns."""
-        lla = np.asarray(geodetic, dtype=np.float64)
-        enu = np.stack(
-            pymap3d.geodetic2enu(
-                lla[..., 0],
-                lla[..., 1],
-                lla[..., 2],
-                self.latitude,
-                self.longitude,
-                self.altitude,
-            ),
-            axis=-1,
-        )
-        return self.from_enu(enu)
+        lla = np.moveaxis(np.asarray(geodetic, dtype=np.float64), -1, 0)
+        here = self.latitude, self.longitude, self.altitude
+        return self.from_enu(np.stack(pymap3d.geodetic2enu(*lla, *here), axis=-1))
 
     def round_points(
         self, points: FloatArray, home_altitude: FloatArray

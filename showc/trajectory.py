@@ -68,6 +68,12 @@ def bernstein_basis(degree: int, fraction: ArrayLike) -> FloatArray:
     return np.asarray(binomial * s**k * (1.0 - s) ** (degree - k))
 
 
+def piece_values(coefficients: FloatArray, fractions: FloatArray) -> FloatArray:
+    """Values (K, m, components) of coefficients (K, n + 1, components) at m places."""
+    basis = bernstein_basis(coefficients.shape[1] - 1, fractions)
+    return np.asarray(np.einsum("sj,kjc->ksc", basis, coefficients))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PiecewisePolynomial:
     """A vector-valued polynomial on each of K intervals.

@@ -1,5 +1,6 @@
 """What all tests share: the shows compiled once, in a cache of the session's own."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -19,6 +20,12 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 # A shell that runs the suite in its background has interrupts ignored, and processes
 # hand that on: those that tests interrupt would never hear of it.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_xdist_auto_num_workers(config):
+    """Return one more than there are cores: some tests wait for vehicles and timers."""
+    del config
+    return (os.cpu_count() or 1) + 1
 
 
 @dataclass(frozen=True)
@@ -58,16 +65,22 @@ def run_showc(cache):
 
 @pytest.fixture(scope="session")
 def compiled(run_showc, tmp_path_factory):
-    """Compile a show of ``shows/`` once; return the path of its log."""
-    logs = {}
+    """Compile a show of ``shows/`` once, for all processes; return its log's path.
+
+    What lies there is read only: other tests have the same files.
+    """
+    base = tmp_path_factory.getbasetemp()
+    shows = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "compiled"
+    shows.mkdir(exist_ok=True)
 
     def compile_(name):
-        if name not in logs:
-            folder = tmp_path_factory.mktemp(name)
-            log = folder / f"{name}.mcap"
-            run = run_showc("compile", ROOT / "shows" / f"{name}.yaml", "-o", log)
-            assert run.code == 0, run.err
-            logs[name] = log
-        return logs[name]
+        log = shows / name / f"{name}.mcap"
+        with (shows / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not log.exists():
+                log.parent.mkdir(exist_ok=True)
+                run = run_showc("compile", ROOT / "shows" / f"{name}.yaml", "-o", log)
+                assert run.code == 0, run.err
+        return log
 
     return compile_

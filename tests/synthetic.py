@@ -18,12 +18,12 @@ import numpy as np
 
 from showc.flight import Certificate, Encounter, Flight, LegFlight, Trajectory
 from showc.plan.itinerary import Itinerary, Leg
+from showc.script.mark import Mark
 from showc.script.show import (
     Effect,
     Formation,
     Landing,
     Launch,
-    Mark,
     MissionOptions,
     Show,
     Site,

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from generate import GENERATED
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([ROOT / "README.md", *(ROOT / "showc" / "docs").glob("*.md")])
@@ -115,3 +116,13 @@ def test_the_readme_shows_the_first_show():
     )
     kept = (ROOT / "shows" / "first.yaml").read_text(encoding="utf-8")
     assert kept.split("\n", 1)[1] == written
+
+
+def test_what_is_generated_is_as_the_program_says():
+    stale = [
+        path.relative_to(ROOT).as_posix()
+        for path, text in GENERATED.items()
+        # Drawings take seconds each.
+        if path.suffix != ".svg" and path.read_text(encoding="utf-8") != text()
+    ]
+    assert stale == [], "run make docs"

@@ -1,6 +1,7 @@
 """Every number says where it comes from, and functions take few things at once."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "showc"
@@ -11,10 +12,6 @@ MANY = {
     # Fields of what they make, all but three by keyword and all optional.
     "ocp/phase.py": {"control"},
     "script/reader.py": {"say"},
-    # Parts of one worker's task, and of one mesh's audit.
-    "fleet/single_drone/avoiding.py": {"avoid"},
-    "fleet/single_drone/staying.py": {"stay_apart"},
-    "ocp/refinement/judgement.py": {"judge"},
 }
 """Functions with more parameters than that, by module."""
 
@@ -22,8 +19,15 @@ ARRAYS = {"array", "arange", "linspace", "geomspace", "concatenate", "tuple", "f
 """Functions whose results are numbers, too."""
 
 
+@cache
 def modules():
-    return sorted(PACKAGE.rglob("*.py"))
+    """Path, lines and tree of each."""
+    paths = sorted(PACKAGE.rglob("*.py"))
+    texts = [path.read_text(encoding="utf-8") for path in paths]
+    return [
+        (path.relative_to(PACKAGE).as_posix(), text.splitlines(), ast.parse(text))
+        for path, text in zip(paths, texts, strict=True)
+    ]
 
 
 def is_numeric(value):
@@ -36,8 +40,8 @@ def is_numeric(value):
             return is_numeric(value.left) or is_numeric(value.right)
         case ast.Tuple() | ast.List():
             return any(is_numeric(one) for one in value.elts)
-        case ast.Call(func=ast.Attribute(attr=name) | ast.Name(id=name)):
-            return name in ARRAYS
+        case ast.Call(func=ast.Attribute(attr=name) | ast.Name(id=name), args=given):
+            return name in ARRAYS and not isinstance(given[0], ast.GeneratorExp)
     return False
 
 
@@ -58,29 +62,20 @@ def is_text(statement):
 
 
 def is_explained(body, place, lines):
-    """Whether a text follows its block of lines, or a comment is above or beside it."""
+    """Whether a text follows it, or a comment is above or beside it."""
     statement = body[place]
-    if "#" in lines[statement.end_lineno - 1] or lines[
-        statement.lineno - 2
-    ].lstrip().startswith("#"):
-        return True
-    for here, after in zip(body[place:], body[place + 1 :], strict=False):
-        if is_text(after):
-            return True
-        if after.lineno != here.end_lineno + 1:
-            return False
-    return False
+    beside, above = lines[statement.end_lineno - 1], lines[statement.lineno - 2]
+    commented = "#" in beside or above.lstrip().startswith("#")
+    return commented or any(is_text(after) for after in body[place + 1 : place + 2])
 
 
 def test_every_number_with_a_name_says_what_it_is():
     silent = []
-    for path in modules():
-        text = path.read_text(encoding="utf-8")
-        body, lines = ast.parse(text).body, text.splitlines()
+    for path, lines, tree in modules():
         silent += [
-            f"{path.relative_to(PACKAGE)}:{statement.lineno}"
-            for place, statement in enumerate(body)
-            if is_constant(statement) and not is_explained(body, place, lines)
+            f"{path}:{statement.lineno}"
+            for place, statement in enumerate(tree.body)
+            if is_constant(statement) and not is_explained(tree.body, place, lines)
         ]
     assert not silent
 
@@ -103,14 +98,14 @@ def parameters(function):
 
 def test_functions_take_few_things_at_once():
     many = {}
-    for path in modules():
+    for path, _, tree in modules():
         found = {
             node.name
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+            for node in ast.walk(tree)
             if isinstance(node, ast.FunctionDef)
             and len(parameters(node)) > MOST_PARAMETERS
             and not is_command(node)
         }
         if found:
-            many[path.relative_to(PACKAGE).as_posix()] = found
+            many[path] = found
     assert many == MANY

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -64,7 +65,8 @@ MAY_IMPORT = {
         "script",
         "vehicle",
     }
-    | {"light", "log.showc_pb2", "log.scene", "log.facts", "log.sample", "log.schema"},
+    | {"light", "log.showc_pb2", "log.scene", "log.facts", "log.sample", "log.schema"}
+    | {"log.container", "log.records"},
     "foreign": {"errors", "_version", "files", "processes", "documents"}
     | {"log.showc_pb2", "verify", "light"},
     "export": FOUNDATION
@@ -78,12 +80,12 @@ MAY_IMPORT = {
 ROOMS_OF_VERIFY = {
     "verify/kernel": {"verify.kernel", "log.showc_pb2"},
     "verify/specification": {"verify", "errors", "files", "script", "vehicle"}
-    | {"light", "log.showc_pb2", "log.facts", "log.schema"},
+    | {"light", "log.showc_pb2", "log.facts", "log.schema", "log.container"},
     # What missions must be follows from the script, and so do their lights.
     "verify/missions": {"verify", "errors", "files", "script", "light"}
-    | {"log.showc_pb2"},
+    | {"log.showc_pb2", "log.container", "log.schema"},
     "verify/samples.py": {"verify", "script", "light"}
-    | {"log.scene", "log.sample", "log.schema"},
+    | {"log.scene", "log.sample", "log.schema", "log.container"},
     "verify": {
         "verify",
         "codes",
@@ -93,21 +95,33 @@ ROOMS_OF_VERIFY = {
         "processes",
         "progress",
     }
-    | {"log.showc_pb2", "log.schema"},
+    | {"log.showc_pb2", "log.schema", "log.container", "log.records"},
 }
 
-# What each part of the optimal control core may import, besides the statement of
-# problems and solutions, which lies in the core's own folder.
-CORE = {
-    "transcription": set(),
-    "audit": {"transcription"},
-    "refinement": {"transcription", "audit"},
+# What the folders of a room may import of each other, besides what lies beside them:
+# the statement of problems and solutions in the core, the leg's stages in the fleet.
+ONE_DRONE = {"single_drone", "shared_profile"}
+LAYERS = {
+    "ocp": {
+        "transcription": set(),
+        "audit": {"transcription"},
+        "refinement": {"transcription", "audit"},
+    },
+    "fleet": {
+        "execution": set(),
+        "single_drone": ONE_DRONE,
+        "shared_profile": ONE_DRONE,
+        "lower_bound": ONE_DRONE | {"execution"},
+        "deconfliction": ONE_DRONE | {"execution"},
+    },
 }
 
 
+@cache
 def imports(path):
     """Modules of showc that a file imports, as dotted names without the package."""
     package = path.relative_to(PACKAGE.parent).parts[:-1]
+    found = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -120,11 +134,12 @@ def imports(path):
         else:
             continue
         # Names of arrays are vocabulary, open to every room.
-        yield from (
+        found += [
             name.removeprefix("showc.")
             for name in names
             if name.startswith("showc.") and not name.startswith("showc.arrays.")
-        )
+        ]
+    return found
 
 
 def allowed(name, part):
@@ -159,29 +174,32 @@ def test_every_part_has_a_rule():
     assert parts - set(MAY_IMPORT) <= {"__init__", "__main__", "cli", "api"}
 
 
-def folders_used(path):
-    """Folders of the core from which a file imports."""
-    names = {name.split(".")[1] for name in imports(path) if name.startswith("ocp.")}
-    return names & set(CORE)
+def folders_used(path, room):
+    """Folders of a room from which a file imports."""
+    names = {name.split(".")[1] for name in imports(path) if name.startswith(room)}
+    return names & set(LAYERS[room])
 
 
-@pytest.mark.parametrize("part", CORE)
-def test_the_core_is_built_in_layers(part):
-    files = (PACKAGE / "ocp" / part).rglob("*.py")
+@pytest.mark.parametrize("room", LAYERS)
+def test_rooms_are_built_in_layers(room):
     assert [
-        path.name for path in files if folders_used(path) - CORE[part] - {part}
+        path.name
+        for part, below in LAYERS[room].items()
+        for path in (PACKAGE / room / part).rglob("*.py")
+        if folders_used(path, room) - below - {part}
     ] == []
 
 
 def test_the_statement_of_problems_and_solutions_needs_no_part_of_the_core():
     files = set((PACKAGE / "ocp").glob("*.py")) - {PACKAGE / "ocp" / "__init__.py"}
     assert files
-    assert [path.name for path in files if folders_used(path)] == []
+    assert [path.name for path in files if folders_used(path, "ocp")] == []
 
 
-def test_every_part_of_the_core_has_a_rule():
-    folders = {path.parent.name for path in (PACKAGE / "ocp").glob("*/__init__.py")}
-    assert folders == set(CORE)
+@pytest.mark.parametrize("room", LAYERS)
+def test_every_folder_of_a_room_in_layers_has_a_rule(room):
+    folders = {path.parent.name for path in (PACKAGE / room).glob("*/__init__.py")}
+    assert folders == set(LAYERS[room])
 
 
 def loaded(statement):

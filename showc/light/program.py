@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 _FLASH = 0.25
-"""Share of a period that a strobe shines."""
+"""Share of a period that a strobe shines: mostly dark, so that flashes are seen."""
 _GOLDEN = 0.6180339887498949
 """Fraction of the golden ratio: its multiples fill an interval most evenly."""
 EASE = 0.5

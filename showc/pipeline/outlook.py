@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.plan.itinerary import STILL
+from showc.script.lanes import arrival
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -41,6 +42,8 @@ class LegOutlook:
     once and hovering; an estimate [J]."""
     group: str | None = None
     """Group whose move it is, within the leg before, at a time of its own."""
+    ends: float | None = None
+    """Show time at which that ends [s]."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the same as plain data."""
@@ -50,7 +53,8 @@ class LegOutlook:
 def outlook(itinerary: Itinerary, options: SolveOptions) -> list[LegOutlook]:
     """Look at every leg of a show: bounds on its time, and whether it is cached."""
     from showc.fleet.execution.cache import Cache, leg_key  # noqa: PLC0415
-    from showc.fleet.timetable import scheduled, settled, straight_time  # noqa: PLC0415
+    from showc.fleet.pace import straight_time  # noqa: PLC0415
+    from showc.fleet.timetable import scheduled, settled  # noqa: PLC0415
 
     cache, show, itinerary = Cache.of(options), itinerary.show, settled(itinerary)
 
@@ -73,9 +77,13 @@ def outlook(itinerary: Itinerary, options: SolveOptions) -> list[LegOutlook]:
         found.append(_look(leg, show, clock, cached(leg) is not None))
         for part in leg.parts:
             one = _look(part, show, part.depart or 0.0, cached(part) is not None)
-            group = show.transitions[part.transition or 0].group
+            flown = show.transitions[part.transition or 0]
+            asked = None if part.motion else arrival(flown)
             ends = round(one.start + (part.duration or 0.0), 3)
-            found.append(replace(one, index=leg.index, group=group, asked=ends))
+            group = flown.group
+            found.append(
+                replace(one, index=leg.index, group=group, asked=asked, ends=ends)
+            )
         clock = round(clock + time, 3)
     return found
 
@@ -95,7 +103,7 @@ def cue_sheet(legs: list[LegOutlook], offset: float, *, csv: bool) -> bytes:
     whole = [leg.start for leg in legs if leg.group is None]
     last = legs[-1].start + legs[-1].upper
     ends = [
-        (leg.asked or leg.start)
+        (leg.ends or leg.start)
         if leg.group is not None
         else min((start for start in whole if start > leg.start), default=last)
         for leg in legs
@@ -111,7 +119,7 @@ def cue_sheet(legs: list[LegOutlook], offset: float, *, csv: bool) -> bytes:
 
 
 def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # noqa: FBT001
-    from showc.fleet.timetable import straight_time  # noqa: PLC0415 - heavy
+    from showc.fleet.pace import straight_time  # noqa: PLC0415 - heavy
 
     if leg.parts:
         time, reason = leg.duration or 0.0, "groups in times of their own, below"

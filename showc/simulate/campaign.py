@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import bdtr
 
 from showc.processes import side_by_side
 from showc.simulate.gusts import LOWEST, SEVERITY, Gusts, Scales
@@ -59,13 +60,8 @@ def tube_radius(errors: FloatArray) -> tuple[float, float]:
     """
     ordered = np.sort(errors)
     count = ordered.size
-    # Logarithms of the binomial terms C(n, j) p^(n-j) (1-p)^j: j flights lie beyond
-    # the quantile.
-    beyond = np.arange(count)
-    steps = np.log(np.maximum(count - beyond[:-1], 1)) - np.log(beyond[:-1] + 1.0)
-    ways = np.concatenate([[0.0], np.cumsum(steps)])
-    terms = ways + (count - beyond) * np.log(WANTED) + beyond * np.log(1.0 - WANTED)
-    missed = np.cumsum(np.exp(terms))
+    # How likely at most j flights lie beyond the quantile, for every j.
+    missed = bdtr(np.arange(count), count, 1.0 - WANTED)
     enough = np.flatnonzero(missed <= 1.0 - CONFIDENCE)
     if enough.size:
         # As many of the greatest may be left out.

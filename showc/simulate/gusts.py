@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
 
 FOOT = 0.3048
+"""[m]: the standard's formulas are in feet."""
 SEVERITY = {"none": 0.0, "light": 0.5, "moderate": 1.0, "severe": 1.5}
 """Turbulence over that which the standard has at the wind: as its light, moderate and
 severe ones (15, 30 and 45 knots at 20 ft) are to each other."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.simulate.results import LEAN
 from showc.vehicle.motion import (
     angular_acceleration,
     thrust_direction,
@@ -37,9 +38,8 @@ class Gains:
     """[1/s]."""
     observer: float = 3.0
     """Both poles of the observer [1/s]; 0: none."""
-    lean: float = 0.785
-    """Greatest roll and pitch that are asked for [rad]: 45 degrees, what autopilots
-    are usually allowed. Plans have less, and leave the rest to the wind."""
+    lean: float = LEAN
+    """Greatest roll and pitch that are asked for [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

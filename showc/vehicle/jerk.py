@@ -34,8 +34,7 @@ THRUST_JOINT = 5e-7
 """Greatest jump of the thrust at a joint [N]: half of what the proof allows."""
 
 
-_AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
-_STILL = 1e-6
+_AT_REST, _STILL = [3, 4, 5, 6, 7, 9, 10, 11], 1e-6
 """States that are zero at a hover, and how far off they may be: what a proof allows."""
 
 

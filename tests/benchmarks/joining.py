@@ -18,10 +18,10 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT)]
 
 from showc.fleet import SolveOptions  # noqa: E402
+from showc.log.container import open_log  # noqa: E402
 from showc.pipeline.compile import CompileOptions, compile_script  # noqa: E402
 from showc.verify import verify_log  # noqa: E402
 from showc.verify.decode import read_show  # noqa: E402
-from showc.verify.mcap import open_log  # noqa: E402
 
 ASKED = 0.02
 """Greatest time over the bound, as a fraction."""

@@ -31,7 +31,7 @@ from benchmarks.ocp_textbook import TEXTBOOK
 
 from showc import ocp
 from showc.ocp.audit.residuals import PhaseAuditor
-from showc.ocp.transcription.collocation.limits import Statement
+from showc.ocp.transcription.collocation.statement import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -105,9 +105,9 @@ def quadrotor_row(repeats: int, *, yaw_free: bool) -> str:
         spent.append(process_time() - began)
     problem = quadrotor(yaw_free=yaw_free)
     part = solution.phases[0]
-    audit = PhaseAuditor(problem, problem.phases[0], 0).audit(
-        solution, Statement(problem).table(np.zeros(0)), shoot=True
-    )
+    auditor = PhaseAuditor(problem, problem.phases[0], 0)
+    table = Statement(problem).table(np.zeros(0))
+    audit = auditor.shot(auditor.audit(solution, table), solution, table)
     missed = np.abs(audit.shooting_end[:3] - part.states.coefficients[-1, -1, :3])
     return (
         f"| quadrotor (30, 20, 10) m, yaw {'free' if yaw_free else 'held'}, fixed mesh "

@@ -274,12 +274,7 @@ class Compile(Command):
 
     def prepare(self):
         self._script = self.folder / "show.yaml"
-        self._texts = [
-            (ROOT / "shows" / "swap.yaml")
-            .read_text()
-            .replace("name: ", f"name: {word} ")
-            for word in ("Old", "New")
-        ]
+        self._texts = [PAIR.replace("Pair", word) for word in ("Old", "New")]
         log = self.out / "show.mcap"
         arguments = ["compile", str(self._script), "-o", str(log), "-q", "-j", "2"]
         self._results = []
@@ -315,8 +310,9 @@ class Verify(Command):
     name = "verify"
 
     def prepare(self):
-        log = self.out / "show.mcap"
-        self.whole(["compile", str(ROOT / "shows" / "swap.yaml"), "-o", str(log), "-q"])
+        script, log = self.folder / "show.yaml", self.out / "show.mcap"
+        script.write_text(PAIR)
+        self.whole(["compile", str(script), "-o", str(log), "-q", "-j", "2"])
         report = ["--json", "--output", str(self.out / "report.json")]
         arguments = ["verify", str(log), "-q", "-j", "2", *report]
         self.whole(arguments)
