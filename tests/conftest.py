@@ -1,6 +1,5 @@
 """What all tests share: the shows compiled once, in a cache of the session's own."""
 
-import fcntl
 import os
 import signal
 import subprocess
@@ -9,7 +8,7 @@ from dataclasses import dataclass
 
 import pytest
 from hypothesis import settings
-from repository import ROOT
+from repository import ROOT, alone
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Same code, same verdict, however busy the machine; HYPOTHESIS_PROFILE=explore looks
@@ -75,8 +74,7 @@ def compiled(run_showc, tmp_path_factory):
 
     def compile_(name):
         log = shows / name / f"{name}.mcap"
-        with (shows / f"{name}.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with alone(shows / f"{name}.lock"):
             if not log.exists():
                 log.parent.mkdir(exist_ok=True)
                 run = run_showc("compile", ROOT / "shows" / f"{name}.yaml", "-o", log)

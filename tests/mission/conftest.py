@@ -2,6 +2,7 @@
 
 import socket
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -16,6 +17,7 @@ def free_port():
 def link():
     """A ground station and a vehicle of MAVSDK's, joined over the loopback address."""
     mavsdk = pytest.importorskip("mavsdk")
+    from mavsdk.plugins.info.info import Info, InfoError
     from mavsdk.plugins.mission_raw.mission_raw import MissionRaw
     from mavsdk.plugins.mission_raw_server import MissionRawServer
 
@@ -31,6 +33,13 @@ def link():
     server = MissionRawServer(vehicle.server_component())
     until = time.monotonic() + 10.0
     while not ground.get_systems() and time.monotonic() < until:
+        time.sleep(0.02)
+    about = Info(ground.get_systems()[0])
+    while time.monotonic() < until:
+        # Before it knows the vehicle's capabilities, a station refuses to upload.
+        with suppress(InfoError):
+            about.get_version()
+            break
         time.sleep(0.02)
     yield MissionRaw(ground.get_systems()[0])
     del server

@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from repository import alone
 
 from showc.script import read_show
 
@@ -55,26 +56,21 @@ def npm(request):
     def install(package):
         if shutil.which("npm") is None or shutil.which("node") is None:
             pytest.skip("node and npm are not installed")
-        folder = Path(request.config.cache.mkdir("npm")) / package.replace("/", "_")
-        if not (folder / "node_modules" / package).is_dir():
-            folder.mkdir(parents=True, exist_ok=True)
-            done = subprocess.run(
-                [
-                    "npm",
-                    "install",
-                    "--no-audit",
-                    "--no-fund",
-                    "--prefix",
-                    folder,
-                    package,
-                ],
-                capture_output=True,
-                text=True,
-                timeout=300,
-                check=False,
-            )
-            if done.returncode:
-                pytest.skip(f"npm cannot install {package}: {done.stderr[-200:]}")
-        return folder / "node_modules"
+        cache = Path(request.config.cache.mkdir("npm"))
+        modules = cache / package.replace("/", "_") / "node_modules"
+        command = ["npm", "install", "--no-audit", "--no-fund", "--prefix"]
+        with alone(cache / "lock"):
+            if not (modules / package).is_dir():
+                modules.parent.mkdir(parents=True, exist_ok=True)
+                done = subprocess.run(
+                    [*command, modules.parent, package],
+                    capture_output=True,
+                    text=True,
+                    timeout=300,
+                    check=False,
+                )
+                if done.returncode:
+                    pytest.skip(f"npm cannot install {package}: {done.stderr[-200:]}")
+        return modules
 
     return install
