@@ -236,12 +236,13 @@ def test_a_sample_moved_by_two_millimetres_is_found(data, tmp_path):
         cloud.data = bytes(points)
 
     verification = verified(
-        changed(data, PointCloud, "/fleet/state", 117, change), tmp_path
+        changed(data, PointCloud, "/fleet/state", 58, change), tmp_path
     )
-    assert failures(verification) == {"VRF122"}
+    # A frame of the same instant stands elsewhere, too.
+    assert failures(verification) == {"VRF122", "VRF124"}
     check = verification.check("VRF122")
     assert check.where.drone == 3
-    assert check.where.time == pytest.approx(117 / 20.0)
+    assert check.where.time == pytest.approx(58 / 5.0)
 
 
 @pytest.mark.parametrize("field", ["position", "velocity", "attitude", "body_rate"])
@@ -249,7 +250,7 @@ def test_a_changed_sample_of_one_drone_is_found(data, tmp_path, field):
     def change(state):
         getattr(state, field).y += 0.01
 
-    content = changed(data, pb.DroneState, "/drone/0004/state", 200, change)
+    content = changed(data, pb.DroneState, "/drone/0004/state", 50, change)
     verification = verified(content, tmp_path)
     assert failures(verification) == {"VRF123"}
     where = verification.check("VRF123")

@@ -18,6 +18,7 @@ from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
 SCRIPT = """\
 showc: 1
 name: Proved
+log_rate: 5
 site:
   origin: {{latitude: 48.1374, longitude: 11.5755, altitude: 520}}
   heading: 30
