@@ -556,6 +556,19 @@ def test_lights_of_other_colours_are_caught(case, change):
     assert "VRF409" in case.caught(case.with_row(2, change))
 
 
+@pytest.fixture(scope="module")
+def dark(tmp_path_factory):
+    """A show whose drones have no lights on outputs."""
+    return Case(tmp_path_factory.mktemp("dark"), shift_flight(2))
+
+
+@pytest.mark.parametrize("at", [2, 4, -1])
+def test_outputs_of_a_show_without_lights_are_caught(dark, at):
+    """Output 1 turns a motor."""
+    motor = row(183, 2, 1, 2000)
+    assert "VRF409" in dark.caught(dark.alike(2, inserted(at, motor)))
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [

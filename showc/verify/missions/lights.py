@@ -74,7 +74,7 @@ def _shown(
             continue
         own = {int(item.parameters[0]): int(item.parameters[1]) for item in items}
         if not now and (step > 1 or own.keys() != {*servos}):
-            break
+            raise ValueError("does not set its outputs, and those alone, at first")
         if len(own) < len(items) or own.items() & now.items() or own.keys() - {*servos}:
             raise ValueError("sets an output that the script does not name, or again")
         now |= own
@@ -82,6 +82,6 @@ def _shown(
             now.get(output, was) for output, was in zip(servos, dark[0], strict=True)
         ]
         found += [Lit(pulses, step)] * (pulses != found[-1].pulses)
-    if not now.keys() >= {*servos}:
-        raise ValueError("does not set all outputs after its take-off")
+    if now.keys() != {*servos}:
+        raise ValueError("does not set its outputs")
     return found, steps
