@@ -150,7 +150,7 @@ def reason_of(fault: Exception) -> str:
 def _demand_regular(path: Path | str, mode: int) -> None:
     if not stat.S_ISREG(mode):
         kind = next((name for test, name in _KINDS if test(mode)), "no regular file")
-        raise UnreadableFileError(path, f"it is {kind}, a regular file is wanted")
+        raise UnreadableFileError(path, f"it is {kind}; expected a regular file")
 
 
 def write_file(path: Path, content: bytes) -> None:

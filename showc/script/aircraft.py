@@ -183,7 +183,7 @@ def tracking_of(
         reader.say(
             "SHW122",
             f"the tube in `{name}` holds {100.0 * share:.2f} % of flights surely, "
-            f"{100.0 * SURE:g} % are wanted",
+            f"expected {100.0 * SURE:g} %",
             mark,
             help_text="raise `--runs` of `showc simulate`: 2995 flights of single "
             "drones are enough",

@@ -75,6 +75,25 @@ class Sketch:
     pads: str
     parking: str | None
 
+    def written(self, *marks: Mark) -> bool:
+        """Tell whether the script has a text at each of these places of its own."""
+        return all(mark != self.settings.mark for mark in marks)
+
+    def place(self, mark: Mark, other: Mark) -> Mark:
+        """Return where to point: at what is not written nothing can be shown."""
+        return mark if self.written(mark) else other
+
+    def ordered(self) -> list[Settings]:
+        """Return what the script says of each transition, in the order of the show.
+
+        Groups may be written one after the other, and fly side by side.
+        """
+        items = self.settings.sound("transitions")
+        if self.show is None:
+            return items
+        written = {item.mark_of("to"): item for item in items}
+        return [written[one.mark] for one in self.show.transitions]
+
 
 class Builder:
     """Builds the show of one script."""
@@ -240,7 +259,8 @@ class Builder:
             if key in settings:
                 effect = effect_of(settings.section(key), self.music)
         except ScriptError as fault:
-            self.reader.refuse(fault, settings.mark_of(key))
+            mark = settings.section(key).mark_of(fault.key)
+            self.reader.refuse(fault, mark if fault.key else settings.mark_of(key))
             return None
         at, start, duration = self._times(settings)
         name = settings.text("name") if "name" in settings else f"{before} -> {to}"
@@ -275,7 +295,7 @@ class Builder:
             try:
                 motion.append(motion_of(item, self.files))
             except ScriptError as fault:
-                self.reader.refuse(fault, item.mark)
+                self.reader.refuse(fault, item.mark_within(fault.key))
                 return ()
         for written in morphs_of(settings):
             name = str(written.value)

@@ -95,7 +95,7 @@ def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
         return
     standing: dict[str, tuple[Formation, Settings]] = {}
     gone = _gone(sketch.show)
-    for row, item in enumerate(sketch.settings.sound("transitions")):
+    for row, item in enumerate(sketch.ordered()):
         formation = sketch.formations.get(item.text("to"))
         if formation is None or "group" not in item:
             standing.clear()
@@ -150,7 +150,7 @@ def _in_motion(sketch: Sketch) -> Iterator[Diagnostic]:
 
     At some instants: what is found is impossible, what is not found may be so too.
     """
-    show, settings = sketch.show, list(sketch.settings.sound("transitions"))
+    show, settings = sketch.show, sketch.ordered()
     if show is None or sketch.separation is None:
         return
     separation, limit = sketch.separation, sketch.separation.distance - _ROUNDING

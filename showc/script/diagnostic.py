@@ -105,6 +105,18 @@ class ScriptError(ValueError):
         )
 
 
+def once(found: list[Diagnostic]) -> list[Diagnostic]:
+    """Keep the first finding about a list, if all of them say the same.
+
+    Findings that can be fixed are all kept: each has its own place.
+    """
+    alike = {(item.code, item.message, item.fix) for item in found}
+    if len(found) < 2 or len(alike) > 1 or found[0].fix:
+        return found
+    note = f"{len(found)} elements of the list are like this"
+    return [replace(found[0], notes=(*found[0].notes, note))]
+
+
 @dataclass(frozen=True, slots=True)
 class Suppressed:
     """A finding that the script asks to pass over."""

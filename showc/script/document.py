@@ -16,6 +16,7 @@ import yaml
 
 from showc.script.diagnostic import Diagnostic, Label
 from showc.script.mark import Mark
+from showc.script.syntax import syntax_fault
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -243,7 +244,7 @@ class _Builder:
         except _RefusedError:
             return None
         except yaml.MarkedYAMLError as fault:
-            self._syntax(fault)
+            self.found.append(syntax_fault(fault, self.lines, self.path))
             return None
         except yaml.reader.ReaderError as fault:
             # An index of libyaml's, a sign of the pure reader's.
@@ -262,39 +263,6 @@ class _Builder:
 
     def _say(self, code: str, message: str, span: Mark, **more: Any) -> None:  # noqa: ANN401
         self.found.append(Diagnostic(code, message, span, **more))
-
-    def _syntax(self, fault: yaml.MarkedYAMLError) -> None:
-        # The fallback marks may be of libyaml's type, the stubs know the pure one.
-        where: Any = fault.problem_mark or fault.context_mark
-        if where is None:
-            span = Mark(self.path, 1, 1, 1, 2)
-        else:
-            line, column = where.line + 1, where.column + 1
-            span = Mark(self.path, line, column, line, column + 1)
-        labels: tuple[Label, ...] = ()
-        context: Any = fault.context_mark
-        if context is not None and fault.context and context is not where:
-            line, column = context.line + 1, context.column + 1
-            if line != span.line:
-                start = Mark(self.path, line, column, line, column + 1)
-                labels = (Label(start, str(fault.context)),)
-        problem = str(fault.problem or fault.context or "it cannot be read")
-        advice = "check the indentation, the colons and the brackets up to here"
-        if "cannot start any token" in problem and self._sign(span) == "\t":
-            problem, advice = "a tab", "separate with spaces"
-        elif "cannot start any token" in problem:
-            advice = 'a text that begins with @ or ` needs quotes: `"@chorus"`'
-        self._say(
-            "SHW001",
-            f"not valid YAML: {problem}",
-            span,
-            secondary=labels,
-            help=advice,
-        )
-
-    def _sign(self, mark: Mark) -> str:
-        """Return the sign at the beginning of a span, if there is one."""
-        return "".join(self.lines[mark.line - 1 : mark.line])[mark.column - 1 :][:1]
 
     def _mark(self, event: yaml.Event) -> Mark:
         start: Any = event.start_mark

@@ -103,7 +103,7 @@ class InputFiles:
                 help_text="put it beside the script, or give the option "
                 "--allow-outside if it may lie elsewhere"
                 if isinstance(fault, OutsideFolderError)
-                else "names are relative to the script's folder",
+                else self._near(name),
             ) from None
         total = sum(map(len, self.contents.values())) + len(content)
         if total > TOTAL_BYTES:
@@ -115,6 +115,26 @@ class InputFiles:
             )
         self.contents[name] = content
         return content
+
+    def _near(self, name: str) -> str:
+        """Say which file is meant by a name that is none, as far as can be seen."""
+        from showc.script.scalars import suggestion  # noqa: PLC0415 - start-up counts
+
+        if "://" in name:
+            return "download the file, and put it beside the script"
+        otherwise = "names are relative to the script's folder"
+        there = PurePath(name.replace("\\", "/"))
+        if self._attached is not None or there.is_absolute() or ".." in there.parts:
+            return otherwise
+        try:
+            beside = (self._folder / there.parent).iterdir()
+            found = sorted(path.name for path in beside)
+        except OSError:
+            return otherwise
+        near = suggestion(there.name, [one for one in found if "." in one])
+        if not near or str(there.parent / near) == name:
+            return otherwise
+        return f"did you mean `{there.parent / near}`? {otherwise}"
 
     def _given(self, name: str, most: int) -> bytes:
         """Return the bytes of an attached file."""

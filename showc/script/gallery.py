@@ -258,7 +258,7 @@ class Gallery:
 
     def _report(self, settings: Settings, fault: ScriptError) -> None:
         self._reader.refuse(
-            fault, settings.mark_of(fault.key) if fault.key else settings.mark
+            fault, settings.mark_within(fault.key) if fault.key else settings.mark
         )
 
     def _drawing(

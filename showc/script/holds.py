@@ -85,9 +85,9 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     show = sketch.show
     if show is None or not any(one.motion for one in show.transitions):
         return
-    settings = sketch.settings.sound("transitions")
+    settings = sketch.ordered()
     share = _WATCHED // sum(bool(one.motion) for one in show.transitions)
-    for index, time, whole in _held(show):
+    for index, time, whole in longest_holds(show):
         transition = show.transitions[index]
         if not transition.motion:
             continue
@@ -113,7 +113,7 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             )
 
 
-def _held(show: Show) -> Iterator[tuple[int, float, bool]]:
+def longest_holds(show: Show) -> Iterator[tuple[int, float, bool]]:
     """Transitions by index, how long each is held at most [s], whether just so long.
 
     Where the next one has a time of its own, it is held until then at the longest.

@@ -46,6 +46,8 @@ _BAR = re.compile(rf"bar\s+({NUMBER})(?:\s+beat\s+({NUMBER}))?")
 _BEAT = re.compile(rf"beat\s+({NUMBER})")
 _CUE = re.compile(r"@\s*([^\W\d][\w-]*)")
 _COUNTED = re.compile(r"(bar|beat)\s*-\s*\d+")
+_RUN = re.compile(rf"(bars?|beats?)\s*({NUMBER})")
+"""A bar or a beat without the space, or in the plural."""
 _SHIFTED = re.compile(r"(?!(?:bar|beat)\s+[+-])(.*[\w\s])\s([+-])\s*(\S.*)")
 LENGTH = rf"({NUMBER})\s*(beats?|bars?)"
 """A length that the tempo measures (a regular expression)."""
@@ -104,14 +106,18 @@ def parse_length(text: str, tempo: Tempo | None) -> float | None:
     match = _LENGTH.fullmatch(whole)
     if match is None:
         if _BAR.fullmatch(whole) or _BEAT.fullmatch(whole) or _CUE.fullmatch(whole):
-            why = f"`{whole}` is a time, and a length is wanted"
-            raise ScriptError("SHW103", why, help_text=LENGTHS)
+            raise _no_length(whole)
         return _clocked(whole)
     if tempo is None:
         raise _no_tempo(whole)
     return float(match.group(1)) * (
         tempo.bar if "bar" in match.group(2) else tempo.beat
     )
+
+
+def _no_length(text: str) -> ScriptError:
+    why = f"`{text}` is a point in time; expected a length of time"
+    return ScriptError("SHW103", why, help_text=LENGTHS)
 
 
 def _no_tempo(text: str) -> ScriptError:
@@ -152,6 +158,8 @@ def _length(text: str) -> tuple[float, str]:
     match = _LENGTH.fullmatch(text)
     if match is not None:
         return float(match.group(1)), "bars" if "bar" in match.group(2) else "beats"
+    if _BAR.fullmatch(text) or _BEAT.fullmatch(text):
+        raise _no_length(text)
     return _seconds(text), "s"
 
 
@@ -159,15 +167,21 @@ def _seconds(text: str) -> float:
     try:
         return parse_quantity(text, "s", plain=False)
     except ScriptError as fault:
+        counted = _LENGTH.fullmatch(text) or _RUN.fullmatch(text)
+        if counted is not None:
+            number, word = sorted(counted.groups())
+            why = f"`{text}` is not a point in time"
+            advice = f"write `{word.rstrip('s')} {number}`"
+            raise ScriptError("SHW103", why, help_text=advice) from None
         if fault.code == "SHW105" and ":" not in text:
             raise
         said = _COUNTED.fullmatch(text)
         if said is not None:
             why = f"`{text}`: {said.group(1)}s count from 1"
         elif re.fullmatch(r"[\d:;.]+(@[\d.]+)?", text):
-            why = f"`{text}` is no time: minutes and seconds end at 59"
+            why = f"`{text}` is not a time: minutes and seconds end at 59"
         else:
-            why = f"`{text}` is no time"
+            why = f"`{text}` is not a time"
         word = _CUE.fullmatch(f"@{text}") and not re.match("bar|beat", text)
         cue = f'a cue is written `"@{text}"`; ' if word else ""
         raise ScriptError("SHW103", why, help_text=cue + FORMS) from None
@@ -180,7 +194,15 @@ def _term(text: str) -> tuple[Base, float, float, str]:
         return "seconds", clocked, 1.0, ""
     match = _BAR.fullmatch(text)
     if match is not None:
-        return "bar", float(match.group(1)), float(match.group(2) or 1.0), ""
+        bar, beat = float(match.group(1)), float(match.group(2) or 1.0)
+        if not bar.is_integer():
+            whole, _, part = match.group(1).partition(".")
+            raise ScriptError(
+                "SHW103",
+                f"`{text}`: a bar is a whole number",
+                help_text=f"the beat has a word of its own: `bar {whole} beat {part}`",
+            )
+        return "bar", bar, beat, ""
     match = _BEAT.fullmatch(text)
     if match is not None:
         return "beat", float(match.group(1)), 1.0, ""
@@ -200,7 +222,7 @@ def _clocked(text: str) -> float | None:
         return None
     hours, minutes, seconds = match.groups()
     if hours is not None and int(minutes) > 59:
-        why = f"`{text}` is no time: minutes and seconds end at 59"
+        why = f"`{text}` is not a time: minutes and seconds end at 59"
         raise ScriptError("SHW103", why, help_text=FORMS)
     return 3600.0 * int(hours or 0) + 60.0 * int(minutes) + float(seconds)
 
@@ -236,7 +258,7 @@ def _time_code(match: re.Match[str]) -> float:
         known = ", ".join(f"`@{one}`" for one in RATES)
         raise ScriptError(
             "SHW103",
-            f"`{match.group()}`: the frames per second of a time code are wanted",
+            f"`{match.group()}`: a time code needs its frame rate",
             help_text=f"end it with one of {known}, or write `00:01:20;12@{DROP}`",
         )
     if frames >= RATES[rate]:
@@ -272,6 +294,12 @@ def music_time(instant: Instant, music: Music | None) -> float:
         return math.nan
     if instant.musical and (music is None or music.bpm is None):
         raise _no_tempo(instant.text)
+    if music is not None and not 1.0 <= instant.beat < music.beats_per_bar + 1:
+        raise ScriptError(
+            "SHW103",
+            f"`{instant.text}`: the beats of a bar are 1 to {music.beats_per_bar}",
+            help_text="count on in the next bar, or change `beats_per_bar`",
+        )
     beat = 60.0 / music.bpm if music is not None and music.bpm is not None else 0.0
     bar = beat * (music.beats_per_bar if music is not None else 0)
     first = music.first_beat if music is not None else 0.0
@@ -381,7 +409,7 @@ def _row(
     cells: list[str], columns: tuple[int, int], taken: dict[str, int], where: str
 ) -> tuple[str, Instant]:
     if len(cells) <= max(columns):
-        raise ScriptError("SHW110", f"{where}: a name and a time are wanted")
+        raise ScriptError("SHW110", f"{where}: expected a name and a time")
     label, written = cells[columns[0]], cells[columns[1]]
     name = re.sub(r"\W+", "_", label).strip("_") or "cue"
     name = name if not name[0].isdigit() else f"cue_{name}"

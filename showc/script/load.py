@@ -245,6 +245,7 @@ def _build(
     # Building imports numpy; a script that cannot be read need not wait for it.
     from showc.script.build import Builder  # noqa: PLC0415
     from showc.script.holds import motion_findings  # noqa: PLC0415
+    from showc.script.idle import idle_findings  # noqa: PLC0415
     from showc.script.operations import operation_findings  # noqa: PLC0415
     from showc.script.rules import geometry_findings  # noqa: PLC0415
     from showc.script.timing import (  # noqa: PLC0415
@@ -263,4 +264,5 @@ def _build(
     found += motion_findings(sketch)
     found += limit_findings(sketch)
     found += operation_findings(sketch)
+    found += idle_findings(sketch)
     return sketch.show, found

@@ -7,10 +7,20 @@ from dataclasses import replace
 
 from showc.script.diagnostic import Diagnostic
 from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
-from showc.script.fields import resolve
-from showc.script.kinds import Either, Items, Section
+from showc.script.fields import SECTIONS, resolve
+from showc.script.kinds import (
+    Either,
+    Field,
+    File,
+    Items,
+    Quantity,
+    Section,
+    Table,
+    Text,
+)
 from showc.script.quantity import NUMBER, comma_fault
 from showc.script.scalars import suggestion
+from showc.script.wording import wanted_text
 
 MEANT = {
     "lat": "latitude",
@@ -28,25 +38,69 @@ MEANT = {
     "velocity": "speed",
     "move": "shift",
     "translate": "shift",
+    "flip": "mirror",
     "time": "duration",
     "wait": "hold",
     "pause": "hold",
     "pace": "prefer",
     "shape": "type",
     "kind": "type",
+    "type": "kind",
+    "height": "altitude",
+    "takeoff": "launch",
+    "title": "name",
+    "tempo": "bpm",
+    "scenes": "transitions",
+    "sequence": "transitions",
+    "steps": "transitions",
+    "moves": "transitions",
+    "pictures": "formations",
+    "shapes": "formations",
+    "spin": "rotate",
+    "turn": "rotate",
 }
 """Keys as people write them, and how scripts do, where there is such a key."""
+_HALF = "write half of it as `radius`"
+_HEIGHT = "write `height`; the width follows from it"
+_RAISED = "`centre: [0, 0, 30]` puts it 30 m high"
+_INSTEAD = {
+    "diameter": {"radius": _HALF},
+    "size": {"radius": _HALF, "height": _HEIGHT},
+    "width": {"height": _HEIGHT},
+    "height": {"centre": _RAISED},
+    "altitude": {"centre": _RAISED},
+    "z": {"centre": _RAISED},
+    "speed": {"period": "write the time of one cycle as `period`"},
+    "time_signature": {"beats_per_bar": "`beats_per_bar: 4` is a 4/4 bar"},
+}
+"""Keys as people write them, the key that does the same in another way, and how."""
+_AXES = 3
+"""Numbers of a place, at most."""
 _FEW_KINDS = 3
 """Types that a message proposes at most: more are no help."""
 
 
-def decimal_comma(entry: Entry, node: Mapping) -> Diagnostic | None:
-    """Find the number that a key is the decimals of, as in ``{hold: 2,5}``."""
+def torn(entry: Entry, node: Mapping) -> Diagnostic | None:
+    """Find the value that a key is the rest of.
+
+    A comma tears it in two, as in ``{hold: 2,5}`` and ``{at: bar 12, beat 3}``.
+    """
     before = node.before(entry)
     value = None if before is None else before.value
-    if before is None or not isinstance(value, Scalar) or not entry.key.isdecimal():
+    if before is None or not isinstance(value, Scalar):
         return None
     first, behind = value.mark, entry.mark
+    if re.fullmatch(r"beat\s+[\d.]+", entry.key) and value.text.startswith("bar"):
+        right = f"{value.text} {entry.key}"
+        return Diagnostic(
+            "SHW103",
+            f"`{before.key}`: `{value.text}, {entry.key}` has a comma",
+            replace(first, end_line=behind.end_line, end_column=behind.end_column),
+            help=f"write `{right}`",
+            fix=right,
+        )
+    if not entry.key.isdecimal():
+        return None
     beside = (first.end_line, first.end_column + 1) == (behind.line, behind.column)
     if not beside or not re.fullmatch(r"[-+]?\d+", value.text):
         return None
@@ -91,32 +145,81 @@ def flat(kind: Items, node: Sequence) -> str:
     """Return a list of lists that was written as one of numbers, or nothing."""
     item = resolve(kind.item)
     texts = [one.text for one in node.items if isinstance(one, Scalar)]
-    if not isinstance(item, Items) or len(texts) != len(node.items) or kind.least > 1:
+    if not isinstance(item, Items) or len(texts) != len(node.items) or not texts:
         return ""
     numbers = all(re.fullmatch(NUMBER, text) for text in texts)
-    if not numbers or not item.least <= len(texts) <= item.most:
+    width = item.least
+    lists = len(texts) // width
+    if not numbers or len(texts) % width or not kind.least <= lists <= kind.most:
         return ""
-    return f"[[{', '.join(texts)}]]"
+    rows = [", ".join(texts[k : k + width]) for k in range(0, len(texts), width)]
+    return f"[{', '.join(f'[{row}]' for row in rows)}]"
+
+
+def instead_of(key: str, section: str, absent: list[str]) -> str:
+    """Say how to write what an unknown key asks for; empty: not known."""
+    for other, advice in _INSTEAD.get(key.lower(), {}).items():
+        if other in absent:
+            return advice
+    inner = {"formation": ("transform", "colour"), "transition": ("colour",)}
+    for name in inner.get(section, ()):
+        if key in SECTIONS[name].one_of:
+            listed = f"[{{{key}: …}}]" if name == "transform" else f"{{{key}: …}}"
+            return f"it belongs inside `{name}`: `{name}: {listed}`"
+    return ""
+
+
+def about_missing(field: Field) -> str:
+    """Say how a required key is written."""
+    example = str(field.examples[0]) if field.examples else "…"
+    return f"add `{field.key}: {example}` ({wanted_text(field.kind)})"
+
+
+def about_names(table: Table) -> str:
+    """Say how what has names is written."""
+    return f"write each {table.what} after its name: `name: …`"
+
+
+def about_one_of(section: Section) -> str:
+    """Say what to do where keys stand together of which there can be one."""
+    first, second = section.one_of[:2]
+    if len(section.one_of) == len(section.fields):
+        return f"put each in its own braces: `{{{first}: …}}, {{{second}: …}}`"
+    return "keep one of them"
 
 
 def about_braces(section: Section, node: Node) -> str:
     """Say how the keys of a section are written."""
-    word = node.text if isinstance(node, Scalar) else ""
-    key = word if word in section.one_of else section.fields[0].key
-    return f"its keys stand in braces, or indented below: `{{{key}: …}}`"
+    given = node.items if isinstance(node, Sequence) else (node,)
+    texts = [one.text for one in given if isinstance(one, Scalar)]
+    keys = [field.key for field in section.fields]
+    if texts and texts[0] in section.one_of:
+        return f"write its value in braces: `{{{texts[0]}: …}}`"
+    first = resolve(section.fields[0].kind)
+    alone = isinstance(node, Scalar) and not isinstance(first, Section | Text | Items)
+    shown = [f"{key}: {text}" for key, text in zip(keys, texts, strict=False)]
+    if not texts or not (alone or len(texts) == len(given) == len(keys)):
+        shown = [f"{key}: …" for key in (section.one_of or keys)[:2]]
+        shown = shown[:1] if section.one_of else shown
+    return f"write its keys in braces, or indented below: `{{{', '.join(shown)}}}`"
 
 
 def about_brackets(kind: Items, node: Node) -> str:
     """Say how a list of one is written, where that is what was meant."""
     item = resolve(kind.item)
-    words = not (isinstance(item, Section) and not item.short)
-    if isinstance(node, Scalar) and words:
+    keyed = isinstance(item, Section) and not item.short
+    if isinstance(node, Scalar) and re.match(r"-[^\W\d]", node.text):
+        return f"put a space after each dash: `- {node.text[1:].split()[0]}`"
+    if isinstance(node, Scalar) and isinstance(item, Section) and keyed:
+        if node.text in item.one_of:
+            return f"a list of one is written `[{{{node.text}: …}}]`"
+    elif isinstance(node, Scalar):
         one, more = f"a list of one is written `[{node.text}]`", f"`[{node.text}, …]`"
         return one if kind.least <= 1 else f"a list is written {more}"
     if isinstance(node, Mapping) and isinstance(item, Section | Either):
         keys = ", ".join(f"{entry.key}: …" for entry in list(node)[:2])
         return f"a list of one is written `[{{{keys}}}]`"
-    return "a list is written `[…, …]`, or each element behind a dash: `- …`"
+    return "a list is written `[…, …]`, or with each element after a dash: `- …`"
 
 
 def mixed_colour(node: Sequence) -> Node:
@@ -132,7 +235,7 @@ def mixed_colour(node: Sequence) -> Node:
     )
 
 
-def whole_colours(node: Node) -> Node:
+def whole_values(node: Node) -> Node:
     """Return a collection in which ``rgb(255, 128, 0)`` is one value again.
 
     In braces and brackets YAML parts it at its commas.
@@ -159,12 +262,12 @@ def whole_colours(node: Node) -> Node:
 
 
 def _continued(first: Node, rest: Node) -> Scalar | None:
-    """Return a colour that goes on behind a comma; None if it does not."""
+    """Return a value in parentheses that goes on after a comma; None if none does."""
     if not (isinstance(first, Scalar) and isinstance(rest, Scalar) and first.plain):
         return None
-    if not re.fullmatch(r"rgba?\([ \d,]+", first.text) or not rest.plain:
+    if not re.fullmatch(r"(?:rgba?)?\([ \d,.+-]+", first.text) or not rest.plain:
         return None
-    if not re.fullmatch(r"\d+\)?", rest.text):
+    if not re.fullmatch(r"[-+]?[\d.]+\)?", rest.text):
         return None
     end = rest.mark
     mark = replace(first.mark, end_line=end.end_line, end_column=end.end_column)
@@ -175,7 +278,8 @@ def _numbers_in(node: Node) -> tuple[list[str], int]:
     """Return the numbers that a value's words are, and of how many values; or none."""
     items = node.items if isinstance(node, Sequence) else (node,)
     written = [item for item in items if isinstance(item, Scalar)]
-    words = [word for item in written for word in item.text.replace(",", " ").split()]
+    parts = [re.sub("[,;()]", " ", item.text) for item in written]
+    words = [word for part in parts for word in part.split()]
     sound = all(re.fullmatch(NUMBER, word) for word in words)
     return (words if sound else []), len(written)
 
@@ -194,7 +298,10 @@ def about_commas(kind: Items, node: Node) -> str:
         return f"separate with commas: `{mended}`"
     words, _ = _numbers_in(node)
     if len(words) > kind.most:
-        return "commas separate elements; a decimal point is a point: `[1.5, 0, 20]`"
+        return "commas separate elements; write decimals with a point: `[1.5, 0, 20]`"
+    item, size = resolve(kind.item), kind.most
+    if isinstance(item, Quantity) and kind.least == size <= _AXES and item.unit == "m":
+        return f"write `[{', '.join('xyz'[:size])}]`"
     return ""
 
 
@@ -205,9 +312,22 @@ def about_variants(section: Section, node: Mapping) -> str:
     kinds = [
         f"`{section.tag}: {variant.name}`"
         for variant in section.variants
-        if own and {field.key for field in variant.fields}.issuperset(own)
+        if own
+        and all(
+            _takes(variant.field(entry.key), entry.value)
+            for entry in node
+            if entry.key in own
+        )
     ]
     if not kinds or len(kinds) > _FEW_KINDS:
         return ""
     keys = " and ".join(f"`{key}`" for key in own)
-    return f"add {' or '.join(kinds)}: {keys} can stand there"
+    return f"add {' or '.join(kinds)}, which can have {keys}"
+
+
+def _takes(field: Field | None, node: Node) -> bool:
+    """Tell whether a key of a type takes a value; of files only the ending counts."""
+    kind = None if field is None else field.kind
+    if not isinstance(kind, File) or not isinstance(node, Scalar):
+        return field is not None
+    return node.text.lower().endswith(kind.suffixes)

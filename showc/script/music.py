@@ -53,8 +53,23 @@ def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | N
     found = _cues(section, files, reader)
     if found is None:
         return replace(music, sound=False)
-    for name, instant, mark in found:
-        # A cue may count from one before it.
+    waiting = {name: (instant, mark) for name, instant, mark in found}
+    while waiting:
+        # A cue may count from another, wherever that stands.
+        name = next(
+            (one for one, (at, _) in waiting.items() if at.cue not in waiting), ""
+        )
+        if not name:
+            cues |= dict.fromkeys(waiting, math.nan)
+            reader.say(
+                "SHW107",
+                f"the cues {', '.join(f'`{one}`' for one in waiting)} count from each "
+                "other in a circle",
+                next(iter(waiting.values()))[1],
+                help_text="give one of them a time of its own",
+            )
+            break
+        instant, mark = waiting.pop(name)
         try:
             cues[name] = music_time(instant, music)
         except ScriptError as fault:
@@ -109,7 +124,7 @@ def asked_time(
     if time > LATEST:
         reader.say(
             "SHW104",
-            f"`{key}` is {time:g} s, at most {LATEST:g} s after take-off are wanted",
+            f"`{key}` is {time:g} s; expected at most {LATEST:g} s after take-off",
             mark,
         )
         return None
@@ -117,9 +132,14 @@ def asked_time(
     if time <= 0.0:
         reader.say(
             "SHW104",
-            f"`{key}` is {-time:g} s before take-off" if time else f"`{key}` is 0 s",
+            f"`{key}` is {-time:g} s before take-off"
+            if time
+            else f"`{key}` is the moment of take-off",
             mark,
-            help_text="times count from take-off, or from `offset` of the music",
+            help_text="give a later time, or a later music: its `offset` is the time "
+            "from take-off to its beginning"
+            if music is not None
+            else "times count from take-off; give a later one",
         )
         return None
     return time

@@ -13,7 +13,7 @@ from showc.script.fence import fence_distance, inside_polygon
 from showc.script.least_time import least_mean_time
 from showc.script.missions import mission_findings
 from showc.script.spacing import closest
-from showc.script.wording import number_text
+from showc.script.wording import measured_text, number_text
 from showc.vehicle import PRESETS, Separation
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ SMALL_SEPARATION = 1.5
 """Separation that needs better than the common satellite positioning [m]."""
 TIGHT_PADS = 2.0
 """Spacing of take-off grids outdoors [m]."""
+UNEVEN = 1.0
+"""Height of a pad that uneven ground explains [m]."""
 NETWORK = 250
 """Vehicles that one MAVLink network can address."""
 BATTERY = 720.0
@@ -56,6 +58,7 @@ def operation_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     yield from _fence_margin(sketch)
     yield from mission_findings(sketch)
     yield from _exports(sketch)
+    yield from _servos(sketch)
 
 
 def _warning(
@@ -79,12 +82,19 @@ def _warning(
 
 
 def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Too high for the rules (SHW301), too low for level flight (SHW302)."""
+    """Too high for the rules (SHW301), too low for level flight (SHW302).
+
+    What is outside the volume is a finding of its own.
+    """
+    site = sketch.site
+    lowest, highest = (
+        (-inf, inf) if site is None else (site.volume_min[2], site.volume_max[2])
+    )
     for formation in sketch.formations.values():
         heights = formation.points[:, 2]
         place = int(np.argmax(heights))
         top = float(heights[place])
-        if top > CEILING:
+        if CEILING < top <= highest:
             yield _warning(
                 "SHW301",
                 f"place {place + 1} of `{formation.name}` is {number_text(top)} m "
@@ -98,7 +108,7 @@ def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
         place = int(np.argmin(heights))
         low = float(heights[place])
         grounded = formation.name in {sketch.pads, sketch.parking}
-        if low < LEVEL_FLOOR and not grounded:
+        if lowest <= low < LEVEL_FLOOR and not grounded:
             yield _warning(
                 "SHW302",
                 f"place {place + 1} of `{formation.name}` is {number_text(low)} m "
@@ -144,17 +154,27 @@ def _separation(sketch: Sketch) -> Iterator[Diagnostic]:
 
 
 def _pads(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Find pads closer than take-off grids usually are (SHW304)."""
+    """Find pads off the ground (SHW312), or closer than is usual (SHW304)."""
     pads = sketch.formations.get(sketch.pads)
     if pads is None:
         return
+    heights = pads.points[:, 2]
+    place = int(np.argmax(np.abs(heights)))
+    if abs(heights[place]) > UNEVEN:
+        yield _warning(
+            "SHW312",
+            f"pad {place + 1} is {number_text(round(float(heights[place]), 3))} m high",
+            pads.mark,
+            "lay the pads on the ground: `plane: horizontal`, and z = 0 in `centre`",
+            notes=("drones start from their pads, and the ground is at z = 0",),
+        )
     pair = closest(pads.points, TIGHT_PADS, Separation(TIGHT_PADS))
     if pair is None:
         return
     yield _warning(
         "SHW304",
         f"pads {pair.first + 1} and {pair.second + 1} are "
-        f"{number_text(pair.distance)} m apart",
+        f"{measured_text(pair.distance, TIGHT_PADS)} m apart",
         pads.mark,
         f"leave at least {number_text(TIGHT_PADS)} m between pads",
         notes=(
@@ -209,6 +229,7 @@ def _fence_margin(sketch: Sketch) -> Iterator[Diagnostic]:
     speed = float(np.hypot(*show.limits.velocity_max[:2]))
     braking = 2.0 * show.vehicle.gravity * tan(show.limits.tilt)
     needed = speed * REACTION + speed * speed / braking
+    asked = sketch.settings.section("site").mark_of("fence")
     for formation in sketch.formations.values():
         distance = fence_distance(formation.points[:, :2], site.fence)
         place = int(np.argmin(distance))
@@ -218,19 +239,32 @@ def _fence_margin(sketch: Sketch) -> Iterator[Diagnostic]:
         yield _warning(
             "SHW307",
             f"place {place + 1} of `{formation.name}` is "
-            f"{number_text(float(distance[place]))} m from the fence, a drone at full "
-            f"speed needs {number_text(needed)} m to stop",
-            formation.mark,
+            f"{measured_text(float(distance[place]))} m from the fence; a drone at "
+            f"full speed needs {measured_text(needed)} m to stop",
+            sketch.place(formation.mark, asked),
             "move the formation inwards, or fly slower",
             notes=(
                 (
-                    f"{number_text(speed)} m/s, {number_text(REACTION)} s to react, "
+                    f"{measured_text(speed)} m/s, {number_text(REACTION)} s to react, "
                     "then braking at the greatest tilt"
                 ),
             ),
-            secondary=(
-                Label(sketch.settings.section("site").mark_of("fence"), "the fence"),
-            ),
+            secondary=(Label(asked, "the fence"),)
+            if sketch.written(formation.mark)
+            else (),
+        )
+
+
+def _servos(sketch: Sketch) -> Iterator[Diagnostic]:
+    """Servo outputs that are to carry two colours (SHW111)."""
+    show = sketch.show
+    outputs = () if show is None else show.mission.light_servos or ()
+    if len(set(outputs)) < len(outputs):
+        yield Diagnostic(
+            "SHW111",
+            "`light_servos` names one output for two colours",
+            sketch.settings.section("mission").mark_of("light_servos"),
+            help="red, green and blue need an output each: `[9, 10, 11]`",
         )
 
 
@@ -239,9 +273,19 @@ def _exports(sketch: Sketch) -> Iterator[Diagnostic]:
     show = sketch.show
     if show is None:
         return
+    given: dict[str, Mark] = {}
     for wish, section in zip(
         show.exports, sketch.settings.sections("exports"), strict=True
     ):
+        if wish.to in given:
+            yield Diagnostic(
+                "SHW111",
+                f"`{wish.to}` is exported twice, into one folder",
+                section.mark,
+                secondary=(Label(given[wish.to], "the other one"),),
+                help="keep one of them; `showc export` writes others",
+            )
+        given[wish.to] = section.mark
         for formation in sketch.formations.values():
             far = np.abs(formation.points).max(axis=1)
             place = int(np.argmax(far))

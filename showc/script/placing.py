@@ -31,7 +31,12 @@ def unit_vector(settings: Settings, key: str) -> FloatArray:
     direction = np.array(settings.vector(key))
     largest = float(np.abs(direction).max())
     if largest == 0.0:
-        raise ScriptError("SHW104", f"`{key}` is a direction of length zero", key=key)
+        raise ScriptError(
+            "SHW104",
+            f"`{key}` has length zero",
+            key=key,
+            help_text="write `x`, `y`, `z` or another direction",
+        )
     direction = direction / largest  # its square may vanish otherwise
     return np.asarray(direction / np.linalg.norm(direction), dtype=np.float64)
 

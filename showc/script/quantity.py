@@ -288,7 +288,7 @@ def _unit(written: str, unit: str, text: str) -> Unit:
         what = f"{_article(wanted)} in {unit}" if unit else "a number without a unit"
         raise ScriptError(
             "SHW105",
-            f"`{text}` is {_article(found.dimension)}, {what} is wanted",
+            f"`{text}` is {_article(found.dimension)}; expected {what}",
             help_text=f"units here: {_listed(unit)}",
         )
     return found

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from showc.script.diagnostic import Diagnostic, Label, ScriptError
+from showc.script.diagnostic import Diagnostic, Label, ScriptError, once
 from showc.script.document import (
     MAX_FOUND,
     Entry,
@@ -19,7 +19,7 @@ from showc.script.document import (
     Sequence,
     as_node,
 )
-from showc.script.fields import SECTIONS, resolve
+from showc.script.fields import resolve
 from showc.script.kinds import (
     Choice,
     Either,
@@ -37,18 +37,22 @@ from showc.script.meaning import (
     about_brackets,
     about_colours,
     about_commas,
+    about_missing,
+    about_names,
+    about_one_of,
     about_variants,
-    decimal_comma,
     flat,
+    instead_of,
     meant,
     mixed_colour,
     spaced,
-    whole_colours,
+    torn,
+    whole_values,
     with_commas,
 )
 from showc.script.scalars import certain, no_word, read_scalar, suggestion
 from showc.script.settings import Setting, Settings, Value
-from showc.script.wording import counted, form_of, shortened, wanted_text
+from showc.script.wording import counted, form_of, section_text, shortened, wanted_text
 
 if TYPE_CHECKING:
     from showc.script.instants import Tempo
@@ -129,7 +133,7 @@ class Reader:
         self, kind: Kind, node: Node, span: Mark, key: str, advice: str, fix: str = ""
     ) -> _BadValueError:
         """Say that a value has another form than its kind."""
-        message = f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted"
+        message = f"`{key}` is {form_of(node)}; expected {wanted_text(kind)}"
         return self._bad("SHW103", message, node.mark.near(span), advice, fix)
 
     def section(self, section: Section, node: Node, span: Mark) -> Settings:
@@ -145,7 +149,7 @@ class Reader:
             Where to point when something is missing: its key.
         """
         settings = Settings(section.name, span)
-        node, name = whole_colours(node), ""
+        node, name = whole_values(node), ""
         if not isinstance(node, Mapping):
             if section.short:
                 name = section.name
@@ -220,9 +224,9 @@ class Reader:
     ) -> None:
         if self.full:
             return
-        comma = decimal_comma(entry, node)
-        if comma is not None:
-            self.found.append(comma)
+        rest = torn(entry, node)
+        if rest is not None:
+            self.found.append(rest)
             return
         # What excludes a key that is there is not meant.
         chosen = any(node.get(key) is not None for key in section.one_of)
@@ -235,7 +239,7 @@ class Reader:
             self._meant.add((id(node), right.split(":")[0]))
             self.say(
                 "SHW101",
-                f"`{entry.key}` has no space behind the colon",
+                f"`{entry.key}` has no space after the colon",
                 entry.mark,
                 help_text=f"write `{right}`",
                 fix=right,
@@ -243,24 +247,21 @@ class Reader:
             return
         near = MEANT.get(entry.key.lower(), "")
         known_as = near in absent
-        near = near if known_as else suggestion(entry.key, absent)
+        advice = "" if known_as else instead_of(entry.key, section.name, absent)
+        if not known_as:
+            near = "" if advice else suggestion(entry.key, absent)
         if near:
             self._meant.add((id(node), near))
         tag = node.get(section.tag) if section.tag else None
-        where = f"`{section.name}`"
+        where = f" in {section_text(section.name)}"
         if tag is not None and isinstance(tag.value, Scalar):
             where += f" of type `{tag.value.text}`"
-        if near:
-            advice = f"did you mean `{near}`?"
-        elif section.name == "formation" and entry.key in SECTIONS["transform"].one_of:
-            advice = f"changes stand in a list: `transform: [{{{entry.key}: …}}]`"
-        else:
-            advice = f"keys here: {', '.join(sorted(absent))}"
+        otherwise = f"keys here: {', '.join(sorted(absent))}"
         self.say(
             "SHW101",
-            f"unknown key `{entry.key}` in {where}",
+            f"unknown key `{entry.key}`{where}",
             entry.mark,
-            help_text=advice,
+            help_text=f"did you mean `{near}`?" if near else advice or otherwise,
             fix=near if known_as else certain(entry.key, absent),
         )
 
@@ -278,7 +279,7 @@ class Reader:
                 return  # there, under another name: said already
             self.say(
                 "SHW102",
-                f"`{section.name}` needs one of {choices}",
+                f"{section_text(section.name)} needs one of {choices}",
                 settings.mark,
                 help_text=about_variants(section, node) or f"add one of {choices}",
             )
@@ -287,11 +288,11 @@ class Reader:
             first, second = present[0], present[1]
             self.say(
                 "SHW111",
-                f"`{first.key}` and `{second.key}` exclude each other in "
+                f"`{first.key}` and `{second.key}` cannot stand together in "
                 f"`{section.name}`",
                 second.mark,
                 secondary=(Label(first.mark, "the other one"),),
-                help_text="keep one of them",
+                help_text=about_one_of(section),
             )
 
     def _missing(
@@ -310,10 +311,9 @@ class Reader:
                 settings.broken = True
                 self.say(
                     "SHW102",
-                    f"`{settings.name}` needs `{field.key}`",
+                    f"{section_text(settings.name)} needs `{field.key}`",
                     settings.mark,
-                    help_text=f"add `{field.key}: …` ({wanted_text(field.kind)}): "
-                    + field.description,
+                    help_text=about_missing(field),
                 )
             elif field.default is not None:
                 default = as_node(field.default, settings.mark)
@@ -385,13 +385,17 @@ class Reader:
             raise _BadValueError
 
     def _formless(self, kind: Either, node: Node, span: Mark, key: str) -> None:
-        """Refuse keys where a file or a list of sections is wanted."""
+        """Refuse keys, or a list, where no option has this form."""
         options = [resolve(option) for option in kind.options]
         lists = [one for one in options if isinstance(one, Items)]
-        if isinstance(node, Mapping) and not any(
-            isinstance(one, Section | Table) for one in options
-        ):
+        forms: tuple[type, ...] = (Section, Table)
+        if isinstance(node, Sequence):
+            forms = (Section, Items, Paint)
+        fits = any(isinstance(one, forms) for one in options)
+        if not isinstance(node, Scalar) and not fits:
             advice = about_brackets(lists[0], node) if lists else ""
+            for table in (one for one in options if isinstance(one, Table)):
+                advice = about_names(table)
             raise self._unfit(kind, node, span, key, advice)
 
     def _choose(self, kind: Either, node: Node) -> Kind:
@@ -406,8 +410,7 @@ class Reader:
     def _table(self, kind: Table, node: Node, span: Mark, key: str) -> Settings:
         settings = Settings(key, span)
         if not isinstance(node, Mapping):
-            advice = f"write each {kind.what} behind its name: `name: …`"
-            raise self._unfit(kind, node, span, key, advice)
+            raise self._unfit(kind, node, span, key, about_names(kind))
         if len(node.entries) > kind.most:
             raise self._bad(
                 "SHW119",
@@ -419,9 +422,10 @@ class Reader:
             if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]{0,59}", entry.key) is None:
                 self.say(
                     "SHW103",
-                    f"`{entry.key}` is no name for a {kind.what}",
+                    f"`{entry.key}` cannot be the name of a {kind.what}",
                     entry.mark,
-                    help_text="a letter, then letters, digits, - and _, 60 at most",
+                    help_text="names have letters from a to z, digits, - and _, begin "
+                    "with a letter, and have at most 60 characters",
                 )
                 settings.broken = True
             try:
@@ -434,7 +438,7 @@ class Reader:
         return settings
 
     def _items(self, kind: Items, node: Node, span: Mark, key: str) -> list[Setting]:
-        node = whole_colours(node)
+        node = whole_values(node)
         commas = with_commas(kind, node) if node.mark.on_one_line else ""
         advice = about_commas(kind, node)
         if not isinstance(node, Sequence):
@@ -443,7 +447,7 @@ class Reader:
         if nested := flat(kind, node):
             raise self._bad(
                 "SHW103",
-                f"`{key}` is a list of numbers, {wanted_text(kind)} is wanted",
+                f"`{key}` is a list of numbers; expected {wanted_text(kind)}",
                 node.mark.near(span),
                 f"write `{nested}`",
                 nested if node.mark.on_one_line else "",
@@ -452,14 +456,14 @@ class Reader:
         if not kind.least <= size <= kind.most:
             raise self._bad(
                 "SHW112",
-                f"`{key}` has {counted(size, 'element')}, {wanted_text(kind)} is "
-                "wanted",
+                f"`{key}` has {counted(size, 'element')}; expected {wanted_text(kind)}",
                 node.mark.near(span),
                 advice,
                 commas,
             )
         elements: list[Setting] = []
         sound = True
+        first = len(self.found)
         for item in node.items:
             try:
                 value = self.value(kind.item, item, item.mark.first_line, key)
@@ -467,6 +471,7 @@ class Reader:
                 sound = False
                 continue
             elements.append(Setting(value, item.mark, item.mark.first_line))
+        self.found[first:] = once(self.found[first:])
         if not sound:
             raise _BadValueError
         return elements

@@ -20,13 +20,14 @@ from showc.script.legible import legibility_findings
 from showc.script.motions import formations_of
 from showc.script.settings import Settings
 from showc.script.spacing import closest, crowded
-from showc.script.wording import counted, number_text, point_text
+from showc.script.wording import counted, measured_text, number_text, point_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray
     from showc.script.build import Sketch
+    from showc.script.mark import Mark
     from showc.script.show import Formation
 
 
@@ -60,7 +61,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
         pair = closest(formation.points, sqrt(2.0) * distance, separation)
         if pair is None:
             continue
-        apart = number_text(pair.distance)
+        apart = measured_text(pair.distance, distance)
         where = [formation.points[place] for place in (pair.first, pair.second)]
         names = f"places {pair.first + 1} and {pair.second + 1} of `{formation.name}`"
         notes = tuple(
@@ -70,7 +71,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
         if pair.distance < distance * (1.0 - _SLACK):
             tight = crowded(formation.points, distance, separation)
             if tight > 2:
-                notes += (f"{tight} places are closer to another than the separation",)
+                notes += (f"{tight} places are too close to another one",)
             if distance > section.number("distance"):
                 notes += (_tracked(section, pair.distance),)
             # Pads that the script leaves out stand where it asks for the separation.
@@ -92,7 +93,7 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 spot=Spot(formation.name, (pair.first, pair.second)),
             )
         elif separation.shape == "sphere":
-            sure = number_text(pair.distance / sqrt(2.0))
+            sure = measured_text(pair.distance / sqrt(2.0))
             yield Diagnostic(
                 "SHW202",
                 f"{names} are {apart} m apart, less than √2 times the separation "
@@ -104,8 +105,8 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                         f"this spacing can come as near as {sure} m"
                     ),
                     (
-                        f"√2 x {number_text(distance)} m = "
-                        f"{number_text(sqrt(2.0) * distance)} m"
+                        f"√2 × {number_text(distance)} m = "
+                        f"{measured_text(sqrt(2.0) * distance)} m"
                     ),
                 ),
                 help="a wider formation is faster to reach, because drones need not "
@@ -146,7 +147,7 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
         return
     low, high = np.array(site.volume_min), np.array(site.volume_max)
     asked = sketch.settings.section("site").section("volume").mark
-    for formation, points, what in _stands(sketch):
+    for formation, points, what, mark in _stands(sketch):
         beyond = np.maximum(low - points, points - high)
         worst = beyond.max(axis=1)
         count = int(np.sum(worst > _SLACK))
@@ -162,9 +163,9 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
             f"place {place + 1} of `{formation.name}`{what} is outside the flight "
             f"volume: {'xyz'[axis]} is {number_text(value)} m, "
             f"{'at most' if above else 'at least'} {number_text(limit)} m is allowed",
-            formation.mark,
+            sketch.place(mark, asked),
             secondary=(Label(asked, "the volume"),)
-            if asked.line != formation.mark.line and asked.line > 1
+            if asked.line != mark.line and sketch.written(asked, mark)
             else (),
             notes=(
                 f"{count} of {len(points)} places are outside",
@@ -178,10 +179,13 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
         )
 
 
-def _stands(sketch: Sketch) -> Iterator[tuple[Formation, FloatArray, str]]:
-    """Yield everything drones hover in: formations, and the hovers above the pads."""
+def _stands(sketch: Sketch) -> Iterator[tuple[Formation, FloatArray, str, Mark]]:
+    """Yield everything drones hover in: formations, and the hovers above the pads.
+
+    With what is said of it in messages, and the place in the script that decides it.
+    """
     for formation in sketch.formations.values():
-        yield formation, formation.points, ""
+        yield formation, formation.points, "", formation.mark
     pads = sketch.formations.get(sketch.pads)
     for key in ("launch", "landing"):
         section = sketch.settings.values.get(key)
@@ -189,7 +193,9 @@ def _stands(sketch: Sketch) -> Iterator[tuple[Formation, FloatArray, str]]:
             continue
         if not section.value.broken:
             lift = np.array([0.0, 0.0, section.value.number("altitude")])
-            yield pads, pads.points + lift, f" at the {key} altitude"
+            mark = section.value.mark_of("altitude")
+            said = sketch.place(mark, pads.mark)
+            yield pads, pads.points + lift, f" at the {key} altitude", said
 
 
 def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
@@ -208,13 +214,14 @@ def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
                     f"{number_text(float(clearance[place]))} m from the fence, the "
                     f"margin is {number_text(fence.margin)} m"
                 )
+            asked = sketch.settings.section("site").mark_of("fence")
             yield Diagnostic(
                 "SHW204",
                 f"place {place + 1} of `{formation.name}` is {where}",
-                formation.mark,
-                secondary=(
-                    Label(sketch.settings.section("site").mark_of("fence"), "fence"),
-                ),
+                sketch.place(formation.mark, asked),
+                secondary=(Label(asked, "the fence"),)
+                if sketch.written(asked, formation.mark)
+                else (),
                 notes=(
                     f"it is at {point_text(formation.points[place])}",
                     (
@@ -266,7 +273,7 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
     if site is None:
         return
     section = sketch.settings.section("site")
-    for formation, points, what in _stands(sketch):
+    for formation, points, what, mark in _stands(sketch):
         top = int(np.argmax(points[:, 2]))
         if site.ceiling is not None and points[top, 2] > site.ceiling + _SLACK:
             yield Diagnostic(
@@ -274,8 +281,10 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
                 f"place {top + 1} of `{formation.name}`{what} is "
                 f"{number_text(float(points[top, 2]))} m high, the ceiling is "
                 f"{number_text(site.ceiling)} m",
-                formation.mark,
-                secondary=(Label(section.mark_of("ceiling"), "the ceiling"),),
+                sketch.place(mark, section.mark_of("ceiling")),
+                secondary=(Label(section.mark_of("ceiling"), "the ceiling"),)
+                if sketch.written(mark)
+                else (),
                 help="move the formation down, or have a higher ceiling allowed",
                 spot=Spot(formation.name, (top,)),
             )
@@ -306,8 +315,10 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
                     "SHW215",
                     f"place {place + 1} of `{formation.name}`{what} is {where} "
                     f"`{name}`",
-                    formation.mark,
-                    secondary=(Label(section.mark_of(key), f"`{name}`"),),
+                    sketch.place(mark, section.mark_of(key)),
+                    secondary=(Label(section.mark_of(key), f"`{name}`"),)
+                    if sketch.written(mark)
+                    else (),
                     notes=(
                         f"it is at {point_text(points[place])}",
                         f"{int(met.sum())} of {len(points)} places are there",
@@ -346,7 +357,7 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
                 f"`{formation.name}` has {counted(places, 'place')} for {flown}",
                 item.mark_of("to"),
                 secondary=(Label(formation.mark, counted(places, "place")),),
-                help="change the formation's `count`, or `drones`"
+                help="take places away, or let more drones fly there"
                 if places > flying
                 else "add places, or give the others a `parking` formation to wait in",
             )
@@ -389,7 +400,7 @@ def _kept(sketch: Sketch) -> Iterator[Diagnostic]:
         yield Diagnostic(
             "SHW219",
             f"drones cannot keep the numbers of their places in `{item.to}`",
-            sketch.settings.sound("transitions")[index].mark_of("assignment"),
+            sketch.ordered()[index].mark_of("assignment"),
             notes=(f"`{item.to}` has {counted(places, 'place')}; {why}",),
             help="write `assignment: optimal`, or `fixed`",
         )

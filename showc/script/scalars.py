@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -11,8 +12,9 @@ from showc.script import kinds
 from showc.script.colours import COLOUR_NAMES, parse_colour
 from showc.script.diagnostic import ScriptError
 from showc.script.document import Mapping, Scalar
+from showc.script.formations import SHAPES
 from showc.script.instants import Instant, Tempo, parse_instant, parse_length
-from showc.script.quantity import parse_quantity
+from showc.script.quantity import NUMBER, parse_quantity, units_of
 from showc.script.wording import form_of, number_text, wanted_text
 
 if TYPE_CHECKING:
@@ -20,6 +22,35 @@ if TYPE_CHECKING:
 
     from showc.script.settings import Value
 
+WORDS = {
+    "ring": "circle",
+    "ball": "sphere",
+    "box": "cube",
+    "spiral": "helix",
+    "square": "grid",
+    "rectangle": "grid",
+    "row": "line",
+    "picture": "image",
+    "photo": "image",
+    "png": "image",
+    "jpg": "image",
+    "jpeg": "image",
+    "obj": "mesh",
+    "stl": "mesh",
+    "glb": "mesh",
+    "model": "mesh",
+    "vertical": "front",
+    "upright": "front",
+    "xz": "front",
+    "flat": "horizontal",
+    "xy": "horizontal",
+    "yz": "side",
+    "blink": "strobe",
+    "flash": "strobe",
+    "twinkling": "twinkle",
+    "breathe": "pulse",
+}
+"""Words as people write them, and how scripts do, where a choice has such a word."""
 _YES_NO = {"yes", "no", "on", "off", "y", "n"}
 _TRUTH = {"true": True, "false": False}
 
@@ -28,6 +59,8 @@ _LONGEST_WORD = 60
 """Longest name there is [characters]."""
 _MOST_NAMES = 300
 """Names compared with a word."""
+_SURELY = 0.75
+"""How like one a word must be to be sure of it: two letters swapped in four."""
 _CLEARLY = 0.1
 """By how much more a word must be like one than like the next, as difflib's ratio
 measures it: one letter more of ten in common."""
@@ -55,6 +88,8 @@ def certain(word: str, known: Iterable[str]) -> str:
 
     near = _near(word, [name.lower() for name in names])
     likeness = [SequenceMatcher(None, one, word.lower()).ratio() for one in near]
+    if not near or likeness[0] < _SURELY:
+        return ""
     if len(near) > 1 and likeness[0] - likeness[1] < _CLEARLY:
         return ""
     return suggestion(word, names)
@@ -64,6 +99,9 @@ def no_such(what: str, name: str, known: Iterable[str]) -> ScriptError:
     """Return what is wrong where a script names something that it does not define."""
     names = list(known)
     near, listed = suggestion(name, names), ", ".join(names) or "none"
+    shaped = what == "formation" and not near and name in SHAPES
+    if shaped:
+        listed += f"; for a shape write `{{type: {name}, …}}`"
     return ScriptError(
         "SHW107",
         f"there is no {what} `{name}`",
@@ -75,7 +113,8 @@ def no_such(what: str, name: str, known: Iterable[str]) -> ScriptError:
 def no_word(key: str, word: str, known: Iterable[str], otherwise: str) -> ScriptError:
     """Return what is wrong where a word is none of a choice."""
     names = list(known)
-    near = suggestion(word, names)
+    meant = WORDS.get(word.lower(), "")
+    near = meant if meant in names else suggestion(word, names)
     return ScriptError(
         "SHW106",
         f"`{key}` cannot be `{word}`",
@@ -134,6 +173,7 @@ def read_scalar(  # noqa: C901 - one case a kind
         If it is not what is wanted.
     """
     _yes_or_no(kind, node, key)
+    _curly(node)
     value: Value = None
     match kind:
         case kinds.Quantity():
@@ -158,7 +198,7 @@ def read_scalar(  # noqa: C901 - one case a kind
             pass
     if value is None:
         raise ScriptError(
-            "SHW103", f"`{key}` is {form_of(node)}, {wanted_text(kind)} is wanted"
+            "SHW103", f"`{key}` is {form_of(node)}; expected {wanted_text(kind)}"
         )
     return value
 
@@ -172,8 +212,8 @@ def _yes_or_no(kind: kinds.Kind, node: Scalar, key: str) -> None:
     if isinstance(kind, kinds.Quantity | kinds.Integer | kinds.Moment | kinds.Time):
         raise ScriptError(
             "SHW103",
-            f"`{key}` is `{node.text}`, {wanted_text(kind)} is wanted",
-            help_text=f"give {wanted_text(kind)}",
+            f"`{key}` is `{node.text}`; expected {wanted_text(kind)}",
+            help_text="write a number for it, or leave the key out",
         )
     truth = "true" if node.text.lower() in {"yes", "on", "y"} else "false"
     fix = truth if isinstance(kind, kinds.Flag) else f'"{node.text}"'
@@ -183,6 +223,18 @@ def _yes_or_no(kind: kinds.Kind, node: Scalar, key: str) -> None:
         help_text=f"write {fix}",
         fix=fix,
     )
+
+
+def _curly(node: Scalar) -> None:
+    """Refuse a text in the quotes of typesetters, which are no quotes to YAML."""
+    if node.plain and re.fullmatch("[“”„«»‘’].*[“”«»‘’]", node.text):
+        right = f'"{node.text[1:-1]}"'
+        raise ScriptError(
+            "SHW103",
+            f"{node.text} is in typographic quotes, which would be part of the text",
+            help_text=f"write `{right}`",
+            fix=right,
+        )
 
 
 def _quantity(
@@ -204,9 +256,25 @@ def _quantity(
         unit = f" {kind.unit}" if kind.unit else ""
         raise ScriptError(
             "SHW104",
-            f"`{key}` is {number_text(written)}{unit}, {wanted_text(kind)} is wanted",
+            f"`{key}` is {number_text(written)}{unit}; expected {wanted_text(kind)}",
+            help_text=_other_unit(kind, node.text.strip()),
         )
     return stored
+
+
+def _other_unit(kind: kinds.Quantity, text: str) -> str:
+    """Say how to write a plain number out of range in another unit; empty: in none."""
+    if not re.fullmatch(NUMBER, text) or float(text) == 0.0:
+        return ""
+    low = -math.inf if kind.minimum is None else kind.minimum
+    high = math.inf if kind.maximum is None else kind.maximum
+    plain = kind.unit
+    for unit in units_of(plain) if plain else ():
+        other = parse_quantity(f"{text} {unit}", plain, plain=False, store=plain)
+        if low <= other <= high and unit != plain:
+            right = f"`{text} {unit}`"
+            return f"a plain number is in {plain}; if {unit} is meant, write {right}"
+    return ""
 
 
 def _integer(kind: kinds.Integer, node: Scalar, key: str) -> int:
@@ -216,10 +284,10 @@ def _integer(kind: kinds.Integer, node: Scalar, key: str) -> int:
         code = "SHW103" if fault.code == "SHW105" else fault.code
         raise fault.of(f"`{key}`", code) from None
     if not value.is_integer():
-        raise ScriptError("SHW103", f"`{key}` is {node.text}, a whole number is wanted")
+        raise ScriptError("SHW103", f"`{key}` is {node.text}; expected a whole number")
     if not kind.minimum <= value <= kind.maximum:
         raise ScriptError(
-            "SHW104", f"`{key}` is {number_text(value)}, {wanted_text(kind)} is wanted"
+            "SHW104", f"`{key}` is {number_text(value)}; expected {wanted_text(kind)}"
         )
     return int(value)
 
@@ -232,12 +300,23 @@ def _text(kind: kinds.Text, node: Scalar, key: str) -> str:
             "allowed",
         )
     if kind.pattern and re.fullmatch(kind.pattern, node.text) is None:
+        right = _range(node.text)
+        sound = right and (right[0] == "[" or re.fullmatch(kind.pattern, right))
         raise ScriptError(
             "SHW103",
-            f"`{key}` is `{node.text}`, {kind.says} is wanted",
-            help_text=f"give {kind.says}",
+            f"`{key}` is `{node.text}`; expected {kind.says}",
+            help_text=f"write `{right}`" if sound else "drones are numbered from 1",
+            fix=right if sound else "",
         )
     return node.text
+
+
+def _range(text: str) -> str:
+    """Return a range or list of numbers as scripts write them; empty: it is none."""
+    right = re.sub(r"(?<=\d)\s*(?:\.{2,}|[:\u2010-\u2015]|to)\s*(?=\d)", "-", text)
+    if re.fullmatch(r"\d+(?:\s*[,;]\s*\d+)+", right):
+        return f"[{', '.join(re.split(r'[^0-9]+', right))}]"
+    return right if right != text else ""
 
 
 def _choice(kind: kinds.Choice, node: Scalar, key: str) -> str:
@@ -256,7 +335,7 @@ def _moment(kind: kinds.Moment, node: Scalar, key: str) -> datetime:
     except (ValueError, OverflowError):
         raise ScriptError(
             "SHW103",
-            f"`{key}` is `{node.text}`, a date and time is wanted",
+            f"`{key}` is `{node.text}`; expected a date and time",
             help_text="write it like 2025-06-01T21:30:00Z",
         ) from None
     if not kind.earliest <= moment.year <= kind.latest:
@@ -281,9 +360,11 @@ def _paint(node: Scalar) -> tuple[float, float, float]:
         near = suggestion(node.text.strip(), COLOUR_NAMES)
         raise ScriptError(
             "SHW114",
-            f"`{node.text}` is no colour",
-            help_text=(f"did you mean `{near}`? " if near else "")
-            + 'a CSS name, `[255, 136, 0]`, or hexadecimal in quotes: "#ff8800"',
+            f"`{node.text}` is not a colour",
+            help_text="a rainbow is `effect: rainbow`"
+            if node.text.strip().lower() == "rainbow"
+            else (f"did you mean `{near}`? " if near else "")
+            + 'write a CSS name, `[255, 136, 0]`, or "#ff8800" in quotes',
             fix=certain(node.text.strip(), COLOUR_NAMES),
         )
     return colour

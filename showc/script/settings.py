@@ -68,10 +68,16 @@ class Settings:
         """Return where the value of a key stands, or else the section."""
         return self.values[key].mark if key in self.values else self.mark
 
+    def mark_within(self, key: str) -> Mark:
+        """Return where the value of a key stands, in this section or in one inside."""
+        inner = [one.value for one in self.values.values()]
+        owners = [one for one in inner if isinstance(one, Settings) and key in one]
+        return (self if key in self or not owners else owners[0]).mark_of(key)
+
     def _typed(self, key: str, kind: type[T]) -> T:
         value = self.values[key].value
         if not isinstance(value, kind):
-            raise TypeError(f"{self.name}.{key} is {value!r}, {kind} is wanted")
+            raise TypeError(f"{self.name}.{key} is {value!r}, expected {kind}")
         return value
 
     def number(self, key: str) -> float:

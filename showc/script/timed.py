@@ -129,7 +129,7 @@ def heads_of(cells: list[str], file: str, key: str) -> list[str]:
         if unit and unit not in units:
             raise ScriptError(
                 "SHW110",
-                f"`{file}` has the column {name} in {unit}, {wanted} are wanted",
+                f"`{file}` has the column {name} in {unit}; expected {wanted}",
                 key=key,
                 help_text=f"change its numbers to {wanted}, and its head",
             )
@@ -155,7 +155,7 @@ def refuse_shares(colours: FloatArray, file: str, key: str) -> None:
     if colours.size and colours.max() <= 1.0 and (colours % 1.0).any():
         raise ScriptError(
             "SHW110",
-            f"`{file}` has colours from 0 to 1, 0 to 255 are wanted",
+            f"`{file}` has colours from 0 to 1; expected 0 to 255",
             key=key,
             help_text="multiply red, green and blue by 255",
         )

@@ -49,7 +49,7 @@ def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     show = sketch.show
     if show is None:
         return
-    settings = sketch.settings.sound("transitions")
+    settings = sketch.ordered()
     for index, transition in enumerate(show.transitions):
         if transition.duration is None:
             continue
@@ -76,7 +76,7 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     show = sketch.show
     if show is None:
         return
-    settings = sketch.settings.sound("transitions")
+    settings = sketch.ordered()
     launch = show.launch
     earliest = launch.altitude / launch.climb_speed + launch.hold
     before = (
@@ -161,7 +161,7 @@ def loose_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     show = sketch.show
     if show is None:
         return
-    settings = sketch.settings.sound("transitions")
+    settings = sketch.ordered()
     for members, following in pairwise(chapters(show)):
         before, after = (
             [show.transitions[row] for row in rows] for rows in (members, following)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from showc.script import kinds
@@ -23,6 +24,18 @@ def number_text(value: float) -> str:
     if value == round(value) and abs(value) < 1e10:
         return str(int(value))
     return f"{value:.6g}"
+
+
+def measured_text(value: float, limit: float = math.nan) -> str:
+    """Return a number that was worked out: four significant digits.
+
+    It has more where its side of a limit would not be seen.
+    """
+    for digits in (4, 6, 9):
+        text = number_text(float(f"{value:.{digits}g}"))
+        if math.isnan(limit) or (float(text) < limit) == (value < limit):
+            return text
+    return number_text(value)
 
 
 def counted(count: int, what: str) -> str:
@@ -58,6 +71,11 @@ def form_of(node: Node) -> str:
     if isinstance(node, Sequence):
         return "a list"
     return f"`{node.text}`"
+
+
+def section_text(name: str) -> str:
+    """Say what a section is called."""
+    return "the script" if name == "show" else f"`{name}`"
 
 
 def range_text(kind: kinds.Quantity | kinds.Integer) -> str:
@@ -102,7 +120,7 @@ def wanted_text(kind: kinds.Kind) -> str:  # noqa: C901, PLR0912 - one case a ki
             field = kind.field(kind.short) if kind.short else None
             text = f"{wanted_text(field.kind)} or {named}" if field else named
         case kinds.Table():
-            text = f"a mapping from the name of each {kind.what}"
+            text = f"a mapping of {_several(kind.what)} by name"
         case kinds.Either():
             each = [
                 [f"`{word}`" for word in option.options]
@@ -114,6 +132,12 @@ def wanted_text(kind: kinds.Kind) -> str:  # noqa: C901, PLR0912 - one case a ki
         case _:
             text = "something else"
     return text
+
+
+def _several(what: str) -> str:
+    """Return a noun in the plural, as ``groups of drones``."""
+    noun, space, rest = what.partition(" ")
+    return f"{noun}s{space}{rest}"
 
 
 def _number_text(kind: kinds.Quantity | kinds.Integer) -> str:
@@ -129,7 +153,7 @@ def _items_text(kind: kinds.Items) -> str:
     if isinstance(inner, kinds.Section):
         of = f"{inner.name}s"
     elif isinstance(inner, kinds.Items):
-        of = f"lists of {inner.least}"
+        of = f"lists of {inner.least} numbers"
     elif isinstance(inner, kinds.Quantity | kinds.Integer):
         of = "numbers" + (
             f" in {inner.unit}"
@@ -142,6 +166,8 @@ def _items_text(kind: kinds.Items) -> str:
         of = "elements"
     if kind.least == kind.most:
         return f"a list of {kind.least} {of}"
+    if kind.least == 0:
+        return f"a list of at most {kind.most} {of}"
     if kind.most >= 1000:
         return f"a list of {of}" + (f", at least {kind.least}" * (kind.least > 1))
     return f"a list of {kind.least} to {kind.most} {of}"

@@ -346,11 +346,11 @@ def test_only_regular_files_are_read(what, tmp_path):
         path.mkdir()
     found, ended, _ = checked(tmp_path, str(path))
     assert (codes(found), ended) == ({"SHW010"}, 2)
-    assert "a regular file is wanted" in found[0]["summary"]
+    assert "expected a regular file" in found[0]["summary"]
     (tmp_path / "show.yaml").write_text(show(f"{{type: csv, file: {path}}}"))
     found, ended, _ = checked(tmp_path, "--allow-outside", "show.yaml")
     assert (codes(found), ended) == ({"SHW109"}, 1)
-    assert "a regular file is wanted" in found[0]["summary"]
+    assert "expected a regular file" in found[0]["summary"]
 
 
 @pytest.mark.parametrize("how", ["absolute", "parent", "link", "linked folder"])

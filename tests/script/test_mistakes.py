@@ -36,6 +36,7 @@ FILES = {
     "comma.csv": b"x;y;z\n1,5;2,0;3,0\n",
     "words.csv": b"x,y,z\n1,two,3\n",
     "noise.png": b"no picture",
+    "Dragon.csv": b"x,y,z\n0,0,9\n",
 }
 CASES = {
     "a colour that YAML takes for a comment": (
@@ -138,6 +139,83 @@ CASES = {
     "velocity": shown("", head="limits: {velocity: 9}\n"),
     "a CSV in feet": formation("type: csv, file: feet.csv"),
     "lights from 0 to 1": shown(", hold: 9, lights: shares.csv"),
+    "parentheses for a list": circle("centre: (0, 0, 20)"),
+    "semicolons in a list": circle("centre: [0; 0; 20]"),
+    "keys for a list": circle("centre: {x: 0, y: 0, z: 20}"),
+    "a diameter": formation("type: circle, diameter: 18"),
+    "a height of a circle": circle("height: 20"),
+    "a gradient outside its colour": circle("gradient: [red, gold]"),
+    "a shape of another name": formation("type: ring, radius: 9"),
+    "a file without its type": formation("file: logo.svg"),
+    "places without brackets of their own": formation(
+        "type: points, points: [0, 0, 9, 4, 0, 9, 8, 0, 9, 12, 0, 9]"
+    ),
+    "places without heights": formation(
+        "type: points, points: [[0, 0], [4, 0], [8, 0], [12, 0]]"
+    ),
+    "a name in other letters": formation("type: csv, file: dragon.csv"),
+    "a page of the web": formation('type: csv, file: "https://example.org/a.csv"'),
+    "an effect with a type": circle("effect: {type: pulse}"),
+    "an effect with a speed": circle("effect: {kind: pulse, speed: 2}"),
+    "a rainbow as a colour": circle("colour: rainbow"),
+    "typographic quotes": formation("type: text, height: 20, text: \u201cI\u201d"),
+    "radians for degrees": shown("", head="limits: {tilt: 0.35}\n"),
+    "grams for kilograms": shown("", head="vehicle: {mass: 625}\n"),
+    "a stretch of a sphere": shown(
+        "", head="separation: {distance: 2, vertical_stretch: 3}\n"
+    ),
+    "coordinates as a list": shown("", head="site: {origin: [47.4, 8.5, 488]}\n"),
+    "music by its file": shown("", head="music: song.mp3\n"),
+    "transitions by another name": (
+        f"{HEAD}formations: {{it: {{type: circle, radius: 9}}}}\nscenes: [it]\n"
+    ),
+    "dashes without spaces": (
+        f"{HEAD}formations: {{it: {{type: circle, radius: 9}}}}\ntransitions:\n"
+        "  -it\n  -it\n"
+    ),
+    "two motions in one": shown(", hold: 30, motion: [{rotate: 90, breathe: 1.1}]"),
+    "a motion by its name": shown(", hold: 9, motion: rotate"),
+    "a bar and a beat with a comma": shown(
+        ", at: bar 12, beat 3", head="music: {bpm: 120}\n"
+    ),
+    "a bar with a fraction": shown(", at: bar 12.3", head="music: {bpm: 120}\n"),
+    "a beat that the bar has not": shown(
+        ", at: bar 12 beat 5", head="music: {bpm: 120}\n"
+    ),
+    "bars for a bar": shown(", at: 12 bars", head="music: {bpm: 120}\n"),
+    "cues in a circle": shown(
+        ', at: "@a"', head='music: {cues: {a: "@b", b: "@a + 2"}}\n'
+    ),
+    "cues without names": shown("", head="music: {cues: [24.5, 40]}\n"),
+    "a range with dots": shown("", head="groups: {a: 1..2}\n"),
+    "drones without brackets": (
+        f"{HEAD}formations: {{it: {{type: circle, radius: 9}}}}\n"
+        f"groups:\n  a: 1,2\n{TAIL}"
+    ),
+    "an output for two colours": shown(
+        "", head="mission: {light_servos: [9, 9, 10]}\n"
+    ),
+    "an export twice": shown("", head="exports: [skyc, skyc]\n"),
+    "a comma that is missing": formation("type: circle radius: 9"),
+    "a bracket that is not closed": (
+        f"{HEAD}formations:\n  it: {{type: circle, radius: 9\n{TAIL}"
+    ),
+    "a quote that is not closed": f'{HEAD}name: "night\n{TAIL}',
+    "a colon that is missing": f"showc: 1\ndrones 4\n{TAIL}",
+    "a name with a colon": f"{HEAD}name: Night: part 2\n{TAIL}",
+    "a key that stands too far right": (
+        f"{HEAD}formations:\n  it: {{like: up}}\n   up: {{type: circle}}\n{TAIL}"
+    ),
+    "times of groups in the order of groups": (
+        f"{HEAD}groups: {{a: 1-2, b: 3-4}}\nformations:\n"
+        "  it: {type: line, spacing: 3, centre: [-9, 0, 20]}\n"
+        "  up: {type: line, spacing: 3, centre: [9, 0, 20]}\n"
+        "  far: {like: up, centre: [9, 0, 30]}\n"
+        "transitions:\n  - {to: it, group: a, at: 20, duration: 9}\n"
+        "  - {to: it, group: a, at: 60, duration: 9}\n"
+        "  - {to: up, group: b, at: 30, duration: 9}\n"
+        "  - {to: far, group: b, at: 45, duration: 1}\n"
+    ),
     "too little time": (
         f"{HEAD}formations:\n  it: {{type: circle, radius: 9}}\n"
         "  up: {type: circle, radius: 9, centre: [0, 0, 25]}\n"
@@ -202,6 +280,15 @@ MENDABLE = {
     "a mistyped name of what it becomes": "motion: [{morph: [it]}]",
     "one displacement without brackets": "[{travel: [[2, 0, 0]]}]",
     "a mistyped key of the type": "{type: circle, radius: 9}",
+    "parentheses for a list": "centre: [0, 0, 20]",
+    "semicolons in a list": "centre: [0, 0, 20]",
+    "places without brackets of their own": "[[0, 0, 9], [4, 0, 9], [8, 0, 9],",
+    "typographic quotes": 'text: "I"',
+    "transitions by another name": "transitions: [it]",
+    "an effect with a type": "effect: {kind: pulse}",
+    "a bar and a beat with a comma": "at: bar 12 beat 3}",
+    "a range with dots": "{a: 1-2}",
+    "drones without brackets": "a: [1, 2]",
 }
 """What stands in the script after ``check --fix``."""
 

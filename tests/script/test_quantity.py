@@ -49,9 +49,9 @@ def test_degrees_may_be_kept():
 @pytest.mark.parametrize(
     ("text", "unit", "code", "words"),
     [
-        ("5 kg", "m", "SHW105", "is a mass, a length in m is wanted"),
-        ("5 deg", "m/s", "SHW105", "is an angle, a speed in m/s is wanted"),
-        ("5 m", "", "SHW105", "is a length, a number without a unit is wanted"),
+        ("5 kg", "m", "SHW105", "is a mass; expected a length in m"),
+        ("5 deg", "m/s", "SHW105", "is an angle; expected a speed in m/s"),
+        ("5 m", "", "SHW105", "is a length; expected a number without a unit"),
         ("5 parsec", "m", "SHW105", "unknown unit `parsec`"),
         ("wide", "m", "SHW103", "not a number"),
         ("", "m", "SHW103", "not a number"),

@@ -141,12 +141,12 @@ def _values(
             try:
                 value = float(cell)
             except ValueError:
-                faults.append((number, f"{name} is {_form(cell)}, a number is wanted"))
+                faults.append((number, f"{name} is {_form(cell)}; expected a number"))
                 break
             largest = 255.0 if name in {"red", "green", "blue"} else _LARGEST
             least = 0.0 if name in {"red", "green", "blue"} else -_LARGEST
             if not math.isfinite(value) or not least <= value <= largest:
-                text = f"{name} is {value:g}, {least:g} to {largest:g} is wanted"
+                text = f"{name} is {value:g}; expected {least:g} to {largest:g}"
                 faults.append((number, text))
                 break
             row.append(value)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.diagnostic import ScriptError
 from showc.script.formations.shape import (
     Drawing,
     Request,
     Shape,
     any_count,
 )
-from showc.script.kinds import Field, Items, Quantity, Section
+from showc.script.kinds import Choice, Either, Field, Items, Quantity, Section
+from showc.script.placing import unit_vector
 
 if TYPE_CHECKING:
     from showc.script.settings import Settings
@@ -30,9 +30,14 @@ SECTION = Section(
         ),
         Field(
             "direction",
-            Items(Quantity(minimum=-1e3, maximum=1e3), 3, 3),
+            Either(
+                (
+                    Choice(("x", "y", "z")),
+                    Items(Quantity(minimum=-1e3, maximum=1e3), 3, 3),
+                )
+            ),
             "Direction of the line in the show frame; its length does not matter.",
-            default=[1, 0, 0],
+            default="x",
         ),
     ),
 )
@@ -40,15 +45,11 @@ SECTION = Section(
 
 def draw(settings: Settings, request: Request) -> Drawing:
     """Draw the line, centred."""
-    direction = np.array(settings.vector("direction"))
-    size = float(np.linalg.norm(direction))
-    if size == 0.0:
-        raise ScriptError("SHW104", "a direction of length zero", key="direction")
     gaps = max(request.count - 1, 1)
     length = settings.optional("length")
     step = request.spacing if length is None else length / gaps
     along = (np.arange(request.count) - (request.count - 1) / 2.0) * step
-    return Drawing(along[:, None] * direction / size)
+    return Drawing(along[:, None] * unit_vector(settings, "direction"))
 
 
 SHAPE = Shape(SECTION, any_count, draw)

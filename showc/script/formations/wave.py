@@ -54,7 +54,12 @@ def draw(settings: Settings, request: Request) -> Drawing:
     direction = np.array(settings.numbers("direction"))
     size = float(np.linalg.norm(direction))
     if size == 0.0:
-        raise ScriptError("SHW104", "a direction of length zero", key="direction")
+        raise ScriptError(
+            "SHW104",
+            "`direction` has length zero",
+            key="direction",
+            help_text="write for example `[1, 0]`",
+        )
     way = points[:, :2] @ direction / size
     angle = tau * way / settings.number("wavelength") + settings.number("phase")
     points[:, 2] += settings.number("amplitude") * np.sin(angle)
