@@ -128,19 +128,22 @@ def _groups(sketch: Sketch) -> Iterator[Diagnostic]:
 def _gone(show: Show | None) -> set[tuple[str, int]]:
     """Find groups that have left again when another's transition, by index, arrives.
 
-    Only where groups have times of their own, and of what comes later in the script.
+    What comes later in a chapter leaves before another arrives: together with it, or,
+    where groups have times of their own, if these say so.
     """
     found: set[tuple[str, int]] = set()
     if show is None:
         return found
     for chapter in chapters(show):
         together = [show.transitions[index] for index in chapter]
-        for at, index in enumerate(chapter if own_times(together) else ()):
+        apart = own_times(together)
+        for at, index in enumerate(chapter):
             # It arrives after it has left, at the soonest.
             there = arrival(together[at]) or departure(together[at])
             for later in together[at + 1 :]:
                 leaves = departure(later)
-                if there is not None and leaves is not None and leaves < there:
+                timed = there is not None and leaves is not None and leaves < there
+                if timed or not apart:
                     found.add((str(later.group), index))
     return found
 

@@ -27,7 +27,7 @@ from showc.script.least_time import least_duration
 from showc.script.moving import moving_places
 from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.script.spacing import closest
-from showc.script.wording import number_text
+from showc.script.wording import measured_text, number_text
 from showc.vehicle.flatness import attitude_and_thrust
 
 if TYPE_CHECKING:
@@ -78,6 +78,7 @@ class _Fault:
     message: str
     help: str
     spot: Spot
+    notes: tuple[str, ...] = ()
 
 
 def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
@@ -95,11 +96,11 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         if time < SHORTEST_MOTION:
             yield Diagnostic(
                 "SHW217",
-                f"`{transition.to}` moves, and is held for "
+                f"`{transition.to}` has a motion, but is held for only "
                 f"{number_text(round(max(time, 0.0), 3))} s",
                 mark,
-                help=f"hold it for {SHORTEST_MOTION:g} s or more: its motion lasts as "
-                "long as that",
+                help=f"hold the formation for {SHORTEST_MOTION:g} s or more: a motion "
+                "lasts as long as its hold",
             )
             continue
         flown = _Flown(show, transition, time, whole=whole)
@@ -108,6 +109,7 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
                 "SHW217",
                 found.message,
                 mark,
+                notes=found.notes,
                 help=found.help,
                 spot=found.spot,
             )
@@ -257,12 +259,13 @@ class _Flown:
             return None
         slower, smaller = worst.use ** (1.0 / worst.power), _down(1.0 / worst.use)
         return _Fault(
-            f"the motion of `{self.name}` asks for {number_text(worst.value)} "
-            f"{worst.unit} of {worst.what}, {number_text(worst.limit)} {worst.unit} "
-            f"is the limit: place {worst.place + 1}, {worst.time:.1f} s into the hold",
-            f"make all its times (`period`, `ramp`, `hold`) {_up(slower)} times as "
-            "long" + f", or its size {smaller} of what it is" * (float(smaller) > 0.0),
+            f"the motion of `{self.name}` needs "
+            f"{measured_text(worst.value, worst.limit)} {worst.unit} of {worst.what}; "
+            f"the limit is {measured_text(worst.limit)} {worst.unit}",
+            f"multiply its times (`period`, `ramp`, `hold`) by {_up(slower)}"
+            + f", or its size by {smaller}" * (float(smaller) > 0.0),
             Spot(self.name, (worst.place,)),
+            (f"at place {worst.place + 1}, {worst.time:.1f} s into the hold",),
         )
 
     def _unbalanced(self) -> _Fault | None:
@@ -279,10 +282,10 @@ class _Flown:
             if rises.any():
                 place = int(np.argmax(rises))
                 return _Fault(
-                    f"place {place + 1} of `{self.name}` rises or falls from rest "
-                    f"where its motion is {('joined', 'left')[side]}, and jerk is "
-                    "limited",
-                    "hold it a little longer or shorter",
+                    f"place {place + 1} of `{self.name}` starts to rise or fall from "
+                    f"rest where its motion is {('joined', 'left')[side]}, which the "
+                    "limit of jerk does not allow",
+                    "make the hold a little longer or shorter",
                     Spot(self.name, (place,)),
                 )
         return None
@@ -344,8 +347,9 @@ class _Flown:
         return _Fault(
             f"place {place + 1} of `{self.name}` leaves the flight volume "
             f"{self.instants[instant]:.1f} s into its motion: {'xyz'[axis]} is "
-            f"{number_text(float(value))} m, {'at most' if above else 'at least'} "
-            f"{number_text(float(limit))} m is allowed",
+            f"{measured_text(float(value), float(limit))} m, "
+            f"{'at most' if above else 'at least'} {number_text(float(limit))} m is "
+            "allowed",
             "make the motion smaller, move the formation, or enlarge `site: volume:`",
             Spot(self.name, (place,)),
         )
@@ -369,8 +373,9 @@ class _Flown:
         apart, at, pair = min(pairs, key=lambda one: one[:2])
         return _Fault(
             f"places {pair.first + 1} and {pair.second + 1} of `{self.name}` come "
-            f"within {number_text(apart)} m {instants[at]:.1f} s into its motion, the "
-            f"separation is {number_text(separation.distance)} m",
+            f"within {measured_text(apart, separation.distance)} m of each other "
+            f"{instants[at]:.1f} s into its motion; the separation is "
+            f"{number_text(separation.distance)} m",
             "make the formation larger or its motion smaller" + longer,
             Spot(self.name, (pair.first, pair.second)),
         )

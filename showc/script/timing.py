@@ -56,14 +56,18 @@ def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         least, drone = least_duration(show, index)
         if transition.duration >= least:
             continue
+        written = settings[index].written("duration")
         slowest = f"drone {drone + 1}" if drone is not None else "some drone"
         yield Diagnostic(
             "SHW209",
-            f"`{transition.name}` needs at least {number_text(_up(least))} s, the "
+            f"`{transition.name}` needs at least {number_text(_up(least))} s; the "
             f"script gives {number_text(transition.duration)} s",
-            settings[index].mark_of("duration"),
-            notes=(f"{slowest} cannot be there sooner, by its speed and thrust alone",),
-            help=f"give at least {number_text(_up(least))} s, or leave `duration` out",
+            settings[index].mark_of("duration" if written else "at"),
+            notes=(
+                f"{slowest} cannot get there sooner within its speed and thrust limits",
+            ),
+            help=f"allow at least {number_text(_up(least))} s, or leave "
+            f"`{'duration' if written else 'start'}` out",
         )
 
 
@@ -80,7 +84,7 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     launch = show.launch
     earliest = launch.altitude / launch.climb_speed + launch.hold
     before = (
-        f"launch and its hold end at {_time(show, earliest, up=True)} at the soonest"
+        f"launch and its hold end at {_time(show, earliest, up=True)} at the earliest"
     )
     leaving: int | None = None
     for members in chapters(show):
@@ -88,10 +92,10 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         if leaving is not None and own_times(together):
             yield Diagnostic(
                 "SHW213",
-                f"`{show.transitions[leaving].name}` is left in motion, and the groups "
-                "that follow move at times of their own",
+                f"`{show.transitions[leaving].name}` stays in motion, and the groups "
+                "that follow move at different times",
                 settings[leaving].mark_of("leave"),
-                help="leave `leave: moving` out, or give the groups one time",
+                help="leave `leave: moving` out, or give the groups the same times",
             )
             return
         last = left_last(together)
@@ -116,30 +120,31 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             if asked_for > taken + _MILLISECOND:
                 yield Diagnostic(
                     "SHW213",
-                    f"`{one.name}` takes {number_text(asked_for)} s, and the groups "
-                    f"that are flown with it {number_text(taken)} s",
+                    f"`{one.name}` takes {number_text(asked_for)} s, the groups that "
+                    f"fly with it {number_text(taken)} s",
                     settings[row].mark_of("duration"),
-                    help="leave `duration` out, or say when this group arrives: by "
-                    "`at`, or by `start`",
+                    help="leave `duration` out, or give this group an `at` or `start` "
+                    "of its own",
                 )
                 return
+        # The time from a start to an arrival is a duration, and judged as one.
+        paired = any(None not in {one.start, one.at} for one in together)
         for time, key, soonest in (
             (start, "start", earliest),
-            (at, "at", max(earliest, start or 0.0) + least),
+            (None if paired else at, "at", max(earliest, start or 0.0) + least),
         ):
             if time is None or time >= soonest - _ON_TIME:
                 continue
             member = next(row for row in members if settings[row].written(key))
-            verb = "stand" if key == "at" else "start"
-            move = f"the move takes {number_text(_up(least))} s at least"
+            verb = "arrive" if key == "at" else "start"
+            move = f"the move takes at least {number_text(_up(least))} s"
             yield Diagnostic(
                 "SHW213",
                 f"`{show.transitions[member].name}` cannot {verb} at "
                 f"{_time(show, time)}: {number_text(_up(soonest - time))} s too early",
                 settings[member].mark_of(key),
                 notes=(before, move) if key == "at" else (before,),
-                help=f"the earliest time is {_time(show, soonest, up=True)}, or later; "
-                "shorten what comes before, or move the time",
+                help=_sooner(show, soonest),
             )
             return
         hold = max(one.hold for one in together)
@@ -147,8 +152,8 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         earliest = arrived + hold
         name = show.transitions[members[0]].to
         before = (
-            f"`{name}` stands at {_time(show, arrived, up=True)} at the soonest and is "
-            f"held for {number_text(hold)} s"
+            f"`{name}` is reached at {_time(show, arrived, up=True)} at the earliest, "
+            f"and held for {number_text(hold)} s"
         )
 
 
@@ -194,11 +199,10 @@ def loose_findings(sketch: Sketch) -> Iterator[Diagnostic]:
                 one = show.transitions[rows[0]]
                 yield Diagnostic(
                     "SHW213",
-                    f"how long `{one.name}` takes is not known, and the motion that it "
-                    f"{'leaves' if flown is after else 'meets'} is held for what is "
-                    "left of a given time",
+                    f"`{one.name}` has no fixed duration, and the motion that it "
+                    f"{'leaves' if flown is after else 'joins'} depends on it",
                     settings[rows[0]].mark_of("prefer"),
-                    help="give it `duration`, or leave `prefer` out",
+                    help="give it a `duration`, or leave `prefer` out",
                 )
                 return
 
@@ -221,8 +225,8 @@ def _lane_fault(
             if arrival(one) is None:
                 return Diagnostic(
                     "SHW213",
-                    f"when `{one.name}` arrives is not known, and another group is "
-                    "left in motion when all are held",
+                    f"`{one.name}` has no time of arrival, and another group stays in "
+                    "motion until all have arrived",
                     asked[row].mark,
                     help="give it `at`, or both `start` and `duration`",
                 )
@@ -239,20 +243,25 @@ def _lane_fault(
                 key = "start" if one.start is not None else "at"
                 return Diagnostic(
                     "SHW213",
-                    f"`{one.name}` cannot {'start' if starts else 'stand'} at "
+                    f"`{one.name}` cannot {'start' if starts else 'arrive'} at "
                     f"{_time(show, time)}: {number_text(_up(soonest - time))} s too "
                     "early",
                     asked[row].mark_of(key),
                     notes=(why,),
-                    help=f"the earliest time is {_time(show, soonest, up=True)}, or "
-                    "later; shorten what comes before, or move the time",
+                    help=_sooner(show, soonest),
                 )
             free = there + one.hold
             why = (
-                f"`{one.group}` stands in `{one.to}` at {_time(show, there)} and is "
-                f"held for {number_text(one.hold)} s"
+                f"`{one.group}` reaches `{one.to}` at {_time(show, there)}, and holds "
+                f"it for {number_text(one.hold)} s"
             )
     return None
+
+
+def _sooner(show: Show, soonest: float) -> str:
+    """Say what to do about a time that is too early."""
+    time = _time(show, soonest, up=True)
+    return f"ask for {time} or later, or shorten what comes before"
 
 
 _MILLISECOND = 1e-3

@@ -73,7 +73,7 @@ def test_jerk_is_a_limit_of_motions_too():
     assert not refused(asked(10))
     assert trouble(asked(10).show) == ""
     (message,) = refused(asked(8))
-    assert "m/s³ of jerk, 8 m/s³ is the limit" in message
+    assert "m/s³ of jerk; the limit is 8 m/s³" in message
     assert "acceleration, jerk or level speed" in trouble(asked(8).draft)
 
 
@@ -122,7 +122,7 @@ def test_a_hold_that_music_ends_is_judged_by_its_longest_time():
 def test_a_motion_left_at_rest_and_out_of_balance_is_refused_where_jerk_is_limited():
     wave, jerk = "{wave: {amplitude: 1, period: 8}}", "limits: {jerk: 20}\n"
     (message,) = refused(read("ring", wave, "hold: 18, leave: moving, ", jerk))
-    assert "rises or falls from rest where its motion is left" in message
+    assert "from rest where its motion is left" in message
     result = read("ring", wave, "hold: 18, leave: moving, ", jerk)
     assert "would jump where the motion is joined or left" in trouble(result.draft)
     assert not refused(read("ring", wave, "hold: 17.5, leave: moving, ", jerk))

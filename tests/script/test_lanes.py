@@ -113,21 +113,21 @@ def test_a_fleet_that_takes_over_a_group_as_quickly_as_it_can_is_found():
     over = "to: all, start: 50, prefer: time"
     found = fault(MOVING + ", leave: moving", B.replace("14", "12"), over)
     assert found.code == "SHW213"
-    assert "how long `up + far -> all` takes is not known" in found.message
+    assert "`up + far -> all` has no fixed duration" in found.message
     assert not read(MOVING, B.replace("14", "12"), over).errors
 
 
 def test_a_motion_that_is_left_when_another_arrives_at_no_known_time_is_found():
     found = fault(MOVING + ", leave: moving", "to: far, group: b, start: 12")
     assert found.code == "SHW213"
-    assert "when `launch -> far` arrives is not known" in found.message
+    assert "`launch -> far` has no time of arrival" in found.message
     assert "`duration`" in found.help
 
 
 def test_a_group_cannot_leave_while_it_is_held():
     found = fault(A, B, "to: down, group: a, start: 20.5, duration: 4")
     assert "`up -> down` cannot start at 20.5 s of the music: 0.5 s" in found.message
-    assert "`a` stands in `up` at 20 s" in found.notes[0]
+    assert "`a` reaches `up` at 20 s" in found.notes[0]
 
 
 def test_a_move_that_no_drone_can_make_in_its_time_is_found():
@@ -135,7 +135,7 @@ def test_a_move_that_no_drone_can_make_in_its_time_is_found():
     assert quick.code == "SHW209"
     late = fault(A, "to: far, group: b, at: 10.5")
     assert late.code == "SHW213"
-    assert "cannot stand at 10.5 s of the music" in late.message
+    assert "cannot arrive at 10.5 s of the music" in late.message
 
 
 MOVING = A.replace("hold: 1", "hold: 5") + ", motion: [{rotate: 90}]"
@@ -155,7 +155,7 @@ def test_a_motion_that_is_left_under_way_lasts_until_all_groups_are_held():
 
 def test_a_motion_of_no_time_beside_others_is_found():
     found = fault(MOVING.replace("hold: 5", "hold: 0"), B)
-    assert "is held for 0 s" in found.message
+    assert "is held for only 0 s" in found.message
     assert "0.5 s or more" in found.help
 
 
@@ -163,7 +163,7 @@ def test_a_motion_among_groups_is_as_quick_as_its_own_time_asks():
     quick = A + ", motion: [{wave: {amplitude: 2, period: 2}}]"
     found = fault(quick.replace("hold: 1", "hold: 6"), B)
     assert found.code == "SHW217"
-    assert "of `up` asks for" in found.message
+    assert "of `up` needs" in found.message
 
 
 MEETS = "motion: [{travel: [[16, 30, -6], [0, 0, 0]]}]"
@@ -211,5 +211,13 @@ def test_groups_with_own_times_fly_with_one_that_is_left_in_motion():
 def test_groups_with_own_times_after_a_fleet_that_is_left_in_motion_are_found():
     found = fault(f"to: all, {LEAVES}", "to: down, group: a, start: 40, at: 52", LATER)
     assert found.code == "SHW213"
-    assert "`launch -> all` is left in motion" in found.message
+    assert "`launch -> all` stays in motion" in found.message
     assert found.span.line == 13
+
+
+def test_groups_that_swap_their_places_at_once_are_right():
+    swap = ("to: up, group: a", "to: far, group: b", "to: far, group: a")
+    result = read(*swap, "to: up, group: b")
+    assert "SHW208" not in {one.code for one in result.diagnostics}
+    # One that comes where the other stays is wrong.
+    assert "SHW208" in {one.code for one in read(*swap).diagnostics}

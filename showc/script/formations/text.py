@@ -51,7 +51,8 @@ SECTION = Section(
         Field(
             "height",
             Quantity("m", minimum=0.1, maximum=1000.0),
-            "Height of the whole text.",
+            "Height of the text. A centreline lies half a stroke inside it, so places "
+            "on it span a little less.",
             default=12.0,
         ),
         Field(
