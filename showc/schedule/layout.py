@@ -27,7 +27,7 @@ from showc.schedule.releases import STEP
 from showc.schedule.separation import Motion, closest_encounter
 from showc.schedule.surroundings import Surroundings, stage_motion, tick
 from showc.schedule.timeline import UNSURE, ScheduledLeg, Timeline
-from showc.schedule.tubes import BESIDE, room_used
+from showc.schedule.tubes import BESIDE, off_end, room_used
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,7 +52,8 @@ FULL = 0.98
 swings by less than the rest."""
 
 SLOWER = 0.95
-"""Part of the room that a slowed drone is to use: swings grow with speed."""
+"""Part of the room that a slowed drone is to use, or one that settles: swings grow
+with speed."""
 
 CLEAR = 1.0
 """So long after the latest end of others' stage, and what follows it, a move that waits
@@ -64,8 +65,9 @@ LONG_AGO = 2.0
 MOST_ADJUSTED = 4
 """So often is a release adjusted to what the move that is flown takes."""
 
-MOST_SLOWINGS = 12
-"""So often are drones slowed; once or twice is enough for most."""
+MOST_REVISIONS = 12
+"""So often are drones slowed, or given longer to settle; once or twice is enough for
+most."""
 
 
 def build_timeline(
@@ -106,7 +108,7 @@ class _Layout:
         self.progress = progress
         self.jobs = jobs
         # Drones settle before others fly, however little slack the show gives.
-        self.pause = max(self.show.mission.slack, SETTLING)
+        self.pauses = np.full(len(self.moves), max(self.show.mission.slack, SETTLING))
         self.timing = Timing(wind=self.show.site.wind)
         self.fastest = np.full((len(self.moves), show.drones), np.inf)
         self.places: list[FloatArray] = []
@@ -160,8 +162,9 @@ class _Layout:
     def _scheduled(self, climbed: float) -> list[ScheduledLeg]:
         """Encode the timed legs and put them on the clock, from ``climbed`` [s] on.
 
-        A drone that would leave the room beside its line flies that leg more slowly.
-        All flights are then predicted anew: a leg begins as the one before it ends.
+        A drone that would leave the room beside its line flies that leg more slowly,
+        or waits before it until it has settled. All flights are then predicted anew: a
+        leg begins as the one before it ends.
 
         Raises
         ------
@@ -170,34 +173,50 @@ class _Layout:
         """
         encodings: dict[int, Encoding] = {}
         some = list(range(len(self.moves)))
-        for _ in range(MOST_SLOWINGS):
+        for _ in range(MOST_REVISIONS):
             encodings |= self._encodings(some)
             legs = self._tracked(self._on_clock(encodings, climbed))
-            some = self._slowed(legs)
+            some = self._revised(legs)
             if not some:
                 return legs
             self.progress.stage("missions, slower where drones swing", len(some))
         raise ExportError(
             f"{self.moves[some[0]].leg.name}: drones leave their lines by more than "
-            f"{BESIDE:g} m, slowed down {MOST_SLOWINGS} times; fly the show with "
+            f"{BESIDE:g} m, slowed down {MOST_REVISIONS} times; fly the show with "
             "`showc stream`"
         )
 
-    def _slowed(self, legs: list[ScheduledLeg]) -> list[int]:
-        """Slow drones that leave their lines; return on which of the moves they are."""
+    def _revised(self, legs: list[ScheduledLeg]) -> list[int]:
+        """Slow drones that leave their lines, and let those settle that begin beside.
+
+        Returns the moves that are flown otherwise then, in order.
+        """
         number = {id(move): number for number, move in enumerate(self.moves)}
-        found = set()
+        found, pauses = set(), self.pauses.copy()
+        # What a drone begins a leg with, its speed there does not change.
+        unsettled = np.zeros(self.show.drones, dtype=np.bool_)
         for leg in legs:
             move = number[id(leg.move)]
             for _, stage, track in leg.tracked:
                 used = room_used(stage, track, self.timing)
-                over = np.flatnonzero(used > FULL)
+                over = np.flatnonzero((used > FULL) & ~unsettled[stage.drones])
                 slower = (
                     np.minimum(SLOWER, 1.0 / used[over]) * stage.profile.speed[over]
                 )
                 self.fastest[move, stage.drones[over]] = slower
                 found |= {move} if over.size else set()
+                off = off_end(track) / BESIDE
+                unsettled[stage.drones] = off > FULL
+                if unsettled[stage.drones].any():
+                    longer = self.pauses[move] + self._settling(off.max())
+                    pauses[move] = max(pauses[move], longer)
+        found |= set(np.flatnonzero(pauses > self.pauses).tolist())
+        self.pauses = pauses
         return sorted(found)
+
+    def _settling(self, used: float) -> float:
+        """Time [s] in which a drone has settled that uses so much of its room."""
+        return float(np.log(used / SLOWER)) / self.builder.parameters.gains.place
 
     def _on_clock(
         self, encodings: dict[int, Encoding], climbed: float
@@ -209,7 +228,10 @@ class _Layout:
         """
         self.shift = None
         self.arrival = climbed
-        self.free = max(climbed + UNSURE + self.pause, climbed + self.course.hold)
+        self.free = max(
+            climbed + UNSURE + max(self.show.mission.slack, SETTLING),
+            climbed + self.course.hold,
+        )
         number, legs = 0, []
         for step in self.course.steps:
             if len(step.moves) > 1:
@@ -367,7 +389,7 @@ class _Layout:
             self.show.separation,
             self.show.site,
             self.timing,
-            self.pause,
+            float(self.pauses[number]),
         )
 
     def _meanwhile(

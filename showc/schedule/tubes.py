@@ -4,7 +4,7 @@ The proof of the separation has each drone on its straight leg, between the law'
 at the greatest and the least delay, the end's overshoot included. The flights
 themselves leave that a little: a fast leg that climbs ends with a swing that is level,
 beside its line. Legs that leave it by more than the width that flights were measured to
-have are flown more slowly.
+have are flown more slowly, and drones that have not settled wait for longer.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.autopilot.following import law_time
+from showc.autopilot.timing import CLOCK_LAG
 from showc.schedule.distances import dot
 
 if TYPE_CHECKING:
@@ -57,3 +58,14 @@ def room_used(stage: Stage, tracks: Tracks, timing: Timing) -> FloatArray:
         room = BESIDE + BESIDE_FAST * speed.max(axis=0)
         used = np.maximum(used, np.where(live, np.sqrt(dot(aside, aside)) / room, 0.0))
     return used
+
+
+def off_end(tracks: Tracks) -> FloatArray:
+    """How far each drone is off its end when its next leg begins, shape (n,) [m].
+
+    That leg's proof has it there from its slot on, and clocks most likely are late by
+    half of their lag; 0 for a drone without a next leg.
+    """
+    slot = np.maximum(tracks.until - 0.5 * CLOCK_LAG, 0.0)
+    left = tracks.along - tracks.places(slot)
+    return np.asarray(np.sqrt(dot(left, left)))

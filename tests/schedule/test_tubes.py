@@ -12,12 +12,13 @@ from showc.geodesy import SiteFrame
 from showc.progress import Silent
 from showc.schedule import layout
 from showc.schedule.course import Course
-from showc.schedule.tubes import room_used
+from showc.schedule.tubes import BESIDE, off_end, room_used
+from showc.script.show import MissionOptions
 
 
-def steep_timeline():
-    """Two drones climb by 35 degrees along 49 m, and come back, at up to 8 m/s."""
-    flight = shift_flight(2, (40.0, 2.0, 28.0))
+def timeline(shift, options=None):
+    """Two drones fly along ``shift`` [m] and come back, at up to 8 m/s."""
+    flight = shift_flight(2, shift, options=options)
     fast = {"velocity_min": (-8.0, -8.0, -8.0), "velocity_max": (8.0, 8.0, 8.0)}
     # The autopilot's own time counts, not that of a slower solved flight.
     legs = tuple(
@@ -34,8 +35,14 @@ def steep_timeline():
         SiteFrame(47.0, 8.0, 400.0, 0.0), np.full(2, 400.0), Parameters()
     )
     show = flight.itinerary.show
+    if options:
+        legs = tuple(item for item in legs if item.leg.kind != "hold")
     course = Course.of(show, [item.leg for item in legs], replace(flight, legs=legs))
     return layout.build_timeline(show, course, builder, Silent(), jobs=1)
+
+
+STEEP = (40.0, 2.0, 28.0)
+"""35 degrees upwards along 49 m [m]."""
 
 
 def most_used(found):
@@ -53,10 +60,19 @@ def top_speed(found):
 
 
 def test_fast_climbs_are_slowed_until_their_swing_is_within_the_proof(monkeypatch):
-    slowed = steep_timeline()
+    slowed = timeline(STEEP)
     assert most_used(slowed) <= layout.FULL
     monkeypatch.setattr(layout, "FULL", np.inf)
-    fast = steep_timeline()
+    fast = timeline(STEEP)
     assert most_used(fast) > 1.0
     # No slower than they must be.
     assert 0.8 * top_speed(fast) < top_speed(slowed) < top_speed(fast)
+
+
+def test_drones_settle_before_they_fly_on_however_little_slack_there_is():
+    # As far off as a leg begins, it is left however slowly it is flown: these were
+    # slowed twelve times, and refused.
+    settled = timeline((24.0, 0.0, 8.0), MissionOptions(slack=0.0))
+    off = [off_end(track).max() for leg in settled.legs for track in leg.tracks]
+    assert 0.5 * BESIDE < max(off) <= BESIDE
+    assert top_speed(settled) > 7.0
