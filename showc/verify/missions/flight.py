@@ -71,6 +71,11 @@ def check_flight(
     ]
 
 
+def check_places(fleet: FleetLegs, show: LoggedShow, logged: list[Move]) -> list[Check]:
+    """Prove where missions fly whose autopilot's ways between are not known."""
+    return [visits(fleet, show, logged)[1], *_boundaries(fleet, show.rules.site)]
+
+
 def visits(
     fleet: FleetLegs, show: LoggedShow, logged: list[Move]
 ) -> tuple[IntArray, Check]:
@@ -283,12 +288,19 @@ def _as_claimed(
         wanted = {key: _free(said.get(key)) for key in free["keys"]} | {
             "legs": [
                 {key: _free(leg.get(key)) for key in (*free["leg"], *slots)}
-                | {"leg": move.segment, "name": move.name}
+                | {
+                    "leg": move.segment,
+                    "name": move.name,
+                    "optimal_start": round(move.start, 3),
+                    "optimal_duration": round(move.duration, 3),
+                }
                 for leg, move in zip(legs, timed, strict=False)
             ],
             "firmware": KNOWN["firmware"],
             "clock": "hour" if start is None else "UTC",
             "start": start,
+            # Without a start it is what slots count from.
+            "start_minute": said.get("start_minute") if start is None else None,
             "delay_spread": CONSTANTS["spread"],
             "clock_lag": CONSTANTS["clock_lag"],
             "required_separation": show.rules.separation.distance,

@@ -18,7 +18,7 @@ from showc.files import UnreadableFileError, read_file
 from showc.log import showc_pb2 as pb
 from showc.log.schema import MANIFEST_NAME as MANIFEST
 from showc.verify.decode import CAPS
-from showc.verify.missions.flight import check_flight, visits
+from showc.verify.missions.flight import check_flight, check_places, visits
 from showc.verify.missions.language import (
     MISSION,
     RULES,
@@ -27,7 +27,7 @@ from showc.verify.missions.language import (
     read_mission,
 )
 from showc.verify.missions.law import KNOWN, fastest_level, parameter_file
-from showc.verify.missions.legs import Clock, fleet_legs, to_show_frame
+from showc.verify.missions.legs import Clock, fleet_legs, standing, to_show_frame
 from showc.verify.missions.lights import Lit, unlit
 from showc.verify.missions.separation import Tubes
 from showc.verify.report import agreement, checked
@@ -74,6 +74,8 @@ class Missions:
         """Whether this is a compile without missions."""
         # A dialect that the script does not name is read as such, and stays unproved.
         self.spoken = "px4" if said == "px4" else script.mission.autopilot
+        self.known = self.spoken == "ardupilot"
+        """Whether it is known how the autopilot flies."""
         self.contents: dict[str, bytes] = {}
         self.bad: list[str] = []
         """What is wrong with the files as a whole."""
@@ -85,18 +87,17 @@ class Missions:
         self.grounded = "how they are flown is not known"
         if self.folder.is_dir():
             self._read()
-            if self.spoken == "ardupilot" and not self.none:
+            if not self.none:
                 self._fly()
 
     @property
     def tubes(self) -> Tubes | None:
         """Where the drones may be at any time; None if that cannot be said."""
-        return None if self.fleet is None else Tubes(self.fleet)
+        return Tubes(self.fleet) if self.fleet is not None and self.known else None
 
     def parts(self) -> list[Callable[[], list[Check]]]:
         """Return the checks of the folder, in parts for side by side."""
-        flown = self.spoken == "ardupilot" and not self.none
-        return [self.files, *[self.flight] * flown]
+        return [self.files, *[self.flight] * (not self.none)]
 
     def names(self) -> list[str]:
         """All files that must be there beside the manifest, and no others."""
@@ -167,20 +168,26 @@ class Missions:
 
     def _fly(self) -> None:
         """Work out what all drones fly, if that can be said."""
-        missions, site = list(self.missions.values()), self.show.rules.site
-        legs = [one.message for one in self.show.segments]
+        site, legs = self.show.rules.site, [one.message for one in self.show.segments]
         held = [bool(one.motion) for one in self.script.transitions]
         if any([*held, *(one.kind == pb.Segment.MOTION for one in legs)]):
             self.grounded = "a mission carries no formation that moves"
             return
+        if len(self.missions) != self.show.drones:
+            self.grounded = self.unread[0] if self.unread else "missions are missing"
+            return
+        if not self.known:
+            pads = self.show.segments[0].ends()[0][:, 2].tolist()
+            for (name, mission), height in zip(
+                self.missions.items(), pads, strict=True
+            ):
+                self.missions[name] = standing(mission, site, height)
         try:
-            clock = Clock.of(self.described)
-            if len(missions) == self.show.drones:
-                self.fleet = fleet_legs(missions, site, self.script, clock)
-            else:
-                self.grounded = (
-                    self.unread[0] if self.unread else "missions are missing"
-                )
+            # Without a start, missions that wait for no clock count from nothing.
+            free = not self.known and self.described.get("start") is None
+            clock = None if free else Clock.of(self.described)
+            missions = list(self.missions.values())
+            self.fleet = fleet_legs(missions, site, self.script, clock)
         except MissionFormatError as error:
             self.grounded = str(error)
 
@@ -192,8 +199,10 @@ class Missions:
         if token != self.manifest.get("fleet"):
             rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
         for name, mission in self.missions.items():
-            rows += [f"{name}: {wrong}" for wrong in _wrong_rows(mission, self.show)]
-            plan, whose = name.replace(".waypoints", ".plan"), (self.log.library, token)
+            turned = _wrong_rows(mission, self.show, self.spoken)
+            rows += [f"{name}: {wrong}" for wrong in turned]
+            plan = name.replace(".waypoints", ".plan")
+            whose = self.log.library, token, self.spoken
             content = self.contents.get(plan, b"")
             wrong = next(check_plan(content, mission, site, script, whose), None)
             plans += [f"{plan}: {wrong}"] * (wrong is not None)
@@ -209,7 +218,7 @@ class Missions:
         dark, full = options.light_pwm
         servos = options.light_servos or ()
         ends = np.full((self.show.drones, len(moves)), -1)
-        if self.fleet is not None:
+        if self.fleet is not None and self.known:
             ends = visits(self.fleet, self.show, moves)[0]
             ends = np.where(ends < 0, -1, ends + 1 - self.fleet.first[:-1, None])
         lit = [[Lit([dark] * len(servos), 0)] for _ in range(self.show.drones)]
@@ -243,6 +252,12 @@ class Missions:
         if self.fleet is None:
             return [checked("VRF410", "fail", notes=(self.grounded,))]
         show, script, moves = self.show, self.script, self.asked.moves
+        if not self.known:
+            foretold = unlike(
+                self.described.get("prediction"), {"clock": "relative"}, "prediction"
+            )
+            places = check_places(self.fleet, show, moves)
+            return [*places, agreement("VRF414", foretold)]
         return check_flight(self.fleet, show, self.described, script, moves)
 
 
@@ -264,11 +279,11 @@ def fleet_token(contents: dict[str, bytes]) -> str:
     return digest.hexdigest()
 
 
-def _wrong_rows(mission: Mission, show: LoggedShow) -> Iterator[str]:
+def _wrong_rows(mission: Mission, show: LoggedShow, autopilot: str) -> Iterator[str]:
     """Say if a drone turns to another yaw, or hovers otherwise before its landing."""
     # Only PX4 turns to a yaw: the bearing of the show's heading.
     bearing = show.rules.site.heading + 90.0 - degrees(show.rules.heading)
-    yaw = 0.0 if mission.home is not None else round(bearing % 360.0, 4) % 360.0
+    yaw = round(bearing % 360.0, 4) % 360.0 if autopilot == "px4" else 0.0
     turned = [one for one in mission.items if one.frame != MISSION]
     if any(one.parameters[3] != yaw for one in turned):
         yield f"turns to another yaw than {yaw:g} degrees"
@@ -280,23 +295,25 @@ def _wrong_rows(mission: Mission, show: LoggedShow) -> Iterator[str]:
 
 
 def check_plan(
-    content: bytes, mission: Mission, site: Site, script: Show, whose: tuple[str, str]
+    content: bytes,
+    mission: Mission,
+    site: Site,
+    script: Show,
+    whose: tuple[str, str, str],
 ) -> Iterator[str]:
     """Yield where a plan differs from its mission, the script and its site's fence.
 
-    ``whose`` are the release that wrote the log, and the token of the compile.
+    ``whose`` are the release that wrote the log, the token of the compile, and the
+    autopilot.
     """
     try:
         plan = read_json(content)
         fence = plan["geoFence"]["polygons"][0]["polygon"]
-        height = plan["mission"]["plannedHomePosition"][2]
     except (ValueError, LookupError, TypeError) as error:
-        yield f"is no plan with a fence and a home ({str(error)[:80]})"
+        yield f"is no plan with a fence ({str(error)[:80]})"
         return
     pad = mission.home or mission.items[0]
-    # PX4's missions do not say how high the pad is.
-    known = mission.home is not None or type(height) not in {int, float}
-    home = [pad.latitude / 1e7, pad.longitude / 1e7, pad.height if known else height]
+    home = [pad.latitude / 1e7, pad.longitude / 1e7, pad.height]
     polygon = fence if _is_fence(fence, site) else "the fence of the script"
     cruise = fastest_level(script)
     wanted = {
@@ -306,7 +323,7 @@ def check_plan(
         "fleetToken": whose[1],
         "mission": {
             "version": 2,
-            "firmwareType": PX4 if mission.home is None else ARDUPILOT,
+            "firmwareType": PX4 if whose[2] == "px4" else ARDUPILOT,
             "vehicleType": 2,
             "cruiseSpeed": cruise,
             "hoverSpeed": cruise,

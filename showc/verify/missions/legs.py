@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -185,10 +185,21 @@ class Clock:
         return (moment - self.begin) % self.period
 
 
+def standing(mission: Mission, site: Site, height: float) -> Mission:
+    """Return a mission without a home with that of a pad of a ``height`` [m]."""
+    first = mission.items[0]
+    place = 1e-7 * first.latitude, 1e-7 * first.longitude
+    altitude = height - float(to_show_frame(site, *place, 0.0)[2])
+    home = first._replace(word="H", height=round(altitude, 2))
+    return replace(mission, home=home)
+
+
 def fleet_legs(
-    missions: Sequence[Mission], site: Site, script: Show, clock: Clock
+    missions: Sequence[Mission], site: Site, script: Show, clock: Clock | None
 ) -> FleetLegs:
     """Return what a fleet of ArduPilot's flies, under the script's parameters.
+
+    Without a ``clock`` no leg is released at a time.
 
     Raises
     ------
@@ -227,7 +238,7 @@ def fleet_legs(
     speed = np.where(flown.length > 0.0, flown.speed, 0.0)
     upright = speed * np.sqrt(1.0 - np.minimum(flown.level, 1.0) ** 2)
     share = np.maximum(speed * flown.level / fastest_level(script), upright / rise)
-    if not share.max() <= 1.001:
+    if clock is not None and not share.max() <= 1.001:
         leg = int(share.argmax())
         raise MissionFormatError(
             f"how a leg of {speed[leg]:g} m/s is flown was not measured: that is "
@@ -268,7 +279,7 @@ class _Row(NamedTuple):
 
 
 def _rows(
-    mission: Mission, values: Mapping[str, float], clock: Clock
+    mission: Mission, values: Mapping[str, float], clock: Clock | None
 ) -> Iterator[_Row]:
     """Go through the places of a mission, its home first."""
     assert mission.home is not None  # noqa: S101 - ArduPilot's grammar has one
@@ -280,14 +291,14 @@ def _rows(
     for line, item in enumerate(mission.items, start=3):
         if item.word == "S":
             speeds[int(item.parameters[0])] = item.parameters[1]
-        elif item.word == "C":
+        elif item.word == "C" and clock is not None:
             slots.append(clock.time(item))
             if slots[-1] < before:
                 raise MissionFormatError(
                     f"line {line}: this slot comes before the one before it"
                 )
             before = slots[-1]
-        elif item.word == "F":
+        elif item.word == "F" and slots:
             slots[-1] += item.parameters[0]
         elif item.word in waits:
             waits[item.word] = item.parameters[0]
