@@ -15,7 +15,7 @@ from showc.log.schema import ABORT_NAME, ADDITIONS, METADATA_NAME
 from showc.processes import side_by_side
 from showc.progress import Progress, Silent
 from showc.verify.decode import check_schemas, read_show
-from showc.verify.kernel.certificates import certified, excess
+from showc.verify.kernel.certificates import certified, closest_claims, excess
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
@@ -109,6 +109,7 @@ def _proved(
         checks += [bound_to(log, added)] if added else []
         aborts = Aborts(log, show, asked) if ABORT_NAME in added else None
         tubes = None if beside is None else beside.tubes
+        claimed = [*show.segments, *demands.claims]
         samples = Samples(log, show, lights, asked, tubes)
         # The longest parts first, so that no process works alone at the end.
         work: dict[str, Sequence[Callable[[], Any]]] = {
@@ -117,7 +118,7 @@ def _proved(
             "physics": [partial(radius, s, show.rules.vehicle) for s in show.segments],
             "limits": [partial(extremes, one, show.rules) for one in show.segments],
             "separation": encounter_parts(show),
-            "bounds": [partial(excess, show, one) for one in show.segments],
+            "bounds": [partial(excess, show, one) for one in claimed],
             "choreography": [partial(joined_up, show)],
             "samples": samples.parts(),
         }
@@ -127,7 +128,8 @@ def _proved(
             *ties(show, radii),
             *kept(show, radii, found["limits"]),
             separated(show, radii, closest_of(encounters)),
-            *certified(show, found["bounds"], encounters),
+            *certified(claimed, found["bounds"]),
+            closest_claims(show, encounters),
             *found["choreography"][0],
         ]
         checks += map(_check, stated)

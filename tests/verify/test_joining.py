@@ -172,7 +172,7 @@ def test_a_bound_for_hovers_is_none_for_a_drone_that_arrives_in_motion(logged):
 
     def bounds(flown):
         beyond = [excess(flown, one) for one in flown.segments]
-        found = certified(flown, beyond, [None] * len(flown.segments))
+        found = certified(flown.segments, beyond)
         return next(one.holds for one in found if one.code == "VRF341")
 
     assert bounds(logged)

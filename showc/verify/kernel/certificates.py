@@ -311,12 +311,10 @@ def refuted(
     return bool(thrust >= weight and excess > steps / (1.0 - steps) * size)
 
 
-def certified(
-    show: LoggedShow, beyond: Sequence[float], encounters: Sequence[Encounter | None]
-) -> list[Statement]:
-    """State what claims are worth; :func:`excess` and closest encounters are given."""
-    bounds, order, closest = [], [], []
-    for one, late, near in zip(show.segments, beyond, encounters, strict=True):
+def certified(segments: Sequence[Segment], beyond: Sequence[float]) -> list[Statement]:
+    """State what claimed bounds are worth; :func:`excess` of each is given."""
+    bounds, order = [], []
+    for one, late in zip(segments, beyond, strict=True):
         said = one.message.certificate
         if said.dual_bound or said.HasField("witness"):
             bounds.append(_seen(one, said.witness.drone, late))
@@ -324,13 +322,22 @@ def certified(
         single = said.single_drone_minimum or one.duration
         over = single - one.duration if 0.0 <= said.dual_bound <= single else np.inf
         order.append(_seen(one, 0, over))
-        if near is not None and (said.HasField("closest") or not one.holds):
-            closest.append(_seen(one, said.closest.drone_a, _off(show, one, near)))
     return [
         worst(Statement("VRF341", None, None, TOLERANCE, "s"), bounds),
         worst(Statement("VRF342", None, None, TOLERANCE, "s"), order),
-        worst(Statement("VRF343", None, None, DISTANCE_TOLERANCE, "m"), closest),
     ]
+
+
+def closest_claims(
+    show: LoggedShow, encounters: Sequence[Encounter | None]
+) -> Statement:
+    """State whether claimed encounters are the closest, which are given."""
+    found = []
+    for one, near in zip(show.segments, encounters, strict=True):
+        said = one.message.certificate
+        if near is not None and (said.HasField("closest") or not one.holds):
+            found.append(_seen(one, said.closest.drone_a, _off(show, one, near)))
+    return worst(Statement("VRF343", None, None, DISTANCE_TOLERANCE, "m"), found)
 
 
 def _seen(segment: Segment, drone: int, value: float) -> Seen:

@@ -91,11 +91,11 @@ def _heading(show: LoggedShow) -> Iterator[Seen]:
             yield Seen(name, one.start + table.start, table.owner, off)
             continue
         for time, state in zip((one.start, one.end), one.ends(), strict=True):
-            off = _turn(state[:, 8] - heading)
+            off = turn(state[:, 8] - heading)
             yield Seen(name, time, np.arange(show.drones), off)
 
 
-def _turn(angle: FloatArray) -> FloatArray:
+def turn(angle: FloatArray) -> FloatArray:
     """Size of angles but for whole circles, 0 to pi [rad]."""
     return np.abs(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
 
@@ -148,7 +148,7 @@ def _jumps(show: LoggedShow) -> Iterator[Seen]:
     for one, before, after in zip(show.segments[1:], ends, ends[1:], strict=False):
         leap = np.abs(after[0] - before[1])
         # Yaw may have turned by whole circles.
-        leap[:, 8] = _turn(leap[:, 8])
+        leap[:, 8] = turn(leap[:, 8])
         fleet = np.arange(show.drones)
         yield Seen(one.message.name, one.start, fleet, leap.max(axis=1))
 

@@ -19,7 +19,6 @@ from showc.log import showc_pb2 as pb
 from showc.script.lanes import arrival, chapters, common, departure, own_times
 from showc.script.moving import moving_places
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, REACHED
-from showc.verify.kernel.dynamics import STILL
 from showc.verify.report import agreement
 from showc.verify.specification.compare import differences, unlike
 from showc.verify.specification.lanes import ON_TIME, Flight, Lanes, StrayError
@@ -76,6 +75,8 @@ class Demands:
     """Formations that do not move as they should while they are held."""
     lights: LightProgram | None = None
     """Light of the fleet; None if the legs are not those of the script."""
+    claims: list[Segment] = field(default_factory=list)
+    """Moves of groups with what the log claims of them, for a proof of their bounds."""
     moves: list[Move] = field(default_factory=list)
     """Moves in order, of groups side by side by their starts: what missions fly."""
 
@@ -203,6 +204,7 @@ class _Walk:
         if own:
             self.lanes = Lanes(show, self.logged, segment, transitions)
             flights = self.lanes.flights
+            self.demands.claims += self.lanes.claims
             self.demands.legs += self.lanes.unproved
             self.demands.times += self.lanes.times
         for one, flight in zip(transitions, flights, strict=True):
@@ -271,8 +273,7 @@ class _Walk:
         stay = _near(segment.goals[others], self.before[others])
         # Groups that keep times of their own fly round all others.
         if segment.message.moves:
-            ways = segment.table.state[others[segment.table.owner], :, :3]
-            stay &= bool(np.ptp(ways, axis=1).max(initial=0.0) <= STILL)
+            stay &= bool(self.lanes.waits(self.fleet[others]).all())
         if not stay:
             self._wrong(segment, "drones of no group do not stay where they are")
         self.colours = colours

@@ -14,8 +14,7 @@ import numpy as np
 
 from showc.log import showc_pb2 as pb
 from showc.script.lanes import lanes
-from showc.verify.kernel.certificates import certified, excess
-from showc.verify.kernel.choreography import MOMENT
+from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, turn
 from showc.verify.kernel.dynamics import STILL
 from showc.verify.kernel.show import PieceTable
 from showc.verify.samples import flown
@@ -24,7 +23,7 @@ from showc.verify.specification.motion import astray, standing
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from showc.arrays import FloatArray, IntArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.script.moving import MovingPlaces
     from showc.script.show import Show, Transition
     from showc.verify.kernel.show import LoggedShow, Segment
@@ -60,8 +59,10 @@ class Lanes:
         transitions: Sequence[Transition],
     ) -> None:
         self.show, self.logged, self.segment = show, logged, segment
+        self.claims: list[Segment] = []
+        """What groups fly in their moves, with what the log claims of each."""
         self.unproved: list[str] = []
-        """Claimed bounds that have no proof."""
+        """Moves of which something is claimed that is not proved."""
         self.times: list[str] = []
         """Moves that are not flown when the log claims it."""
         said = list(segment.message.moves)
@@ -81,11 +82,10 @@ class Lanes:
         for lane in lanes(transitions):
             members = np.array(show.groups[str(transitions[lane[0]].group)])
             self._follow([(transitions[at], self.flights[at], both[at]) for at in lane])
-            claims = [claim for at in lane for claim in both[at]]
-            loose = [one.name for one in claims if not self._bounded(members, one)]
-            self.unproved += [f"“{name}”: its bound is not proved" for name in loose]
+            for claim in (claim for at in lane for claim in both[at]):
+                self._claim(members, claim)
             mine, own = [both[at][0] for at in lane], [self.flights[at] for at in lane]
-            self.times += _unlike(segment, members, mine, own)
+            self.times += self._unlike(members, mine, own)
 
     def _follow(self, lane: list[tuple[Transition, Flight, list[pb.Move]]]) -> None:
         """Check that the moves of a lane follow each other, with their holds."""
@@ -106,18 +106,25 @@ class Lanes:
                 if not max(*off, flight.until - ends) <= MOMENT:
                     raise StrayError(f"“{claim.name}” is not as long as its hold")
 
-    def _bounded(self, drones: IntArray, claim: pb.Move) -> bool:
-        """Tell whether a lower bound on the time of a group's move has its proof."""
-        said, times = claim.certificate, (claim.start, claim.start + claim.duration)
-        part = _during(self.segment, drones, *times)
+    def _claim(self, drones: IntArray, claim: pb.Move) -> None:
+        """Take what is claimed of a group's move, for the proof of its bound."""
+        end = claim.start + claim.duration
+        part = _during(self.segment, drones, claim.start, end)
         # What comes near it is a matter of the whole leg: a move claims no encounter.
-        if part is None or said.HasField("closest"):
-            return False
-        part.message.certificate.CopyFrom(said)
-        part = replace(part, goals=part.ends()[1][:, :3])
-        alone = replace(self.logged, segments=(part,))
-        stated = certified(alone, [excess(alone, part)], [None])
-        return all(one.holds is not False for one in stated)
+        if part is None or claim.certificate.HasField("closest"):
+            self.unproved.append(f"“{claim.name}”: more is claimed than a bound")
+            return
+        part.message.certificate.CopyFrom(claim.certificate)
+        part.message.name = claim.name
+        self.claims.append(replace(part, goals=part.ends()[1][:, :3]))
+
+    def waits(self, drones: IntArray) -> BoolArray:
+        """Whether drones (n,) hover, on each of their mesh intervals in the leg."""
+        state = self.segment.table.state[np.isin(self.segment.table.owner, drones)]
+        moved = np.ptp(state[:, :, :3], axis=1).max(axis=1)
+        off = np.abs(state[:, :, AT_REST]).max(axis=(1, 2))
+        turned = turn(state[:, :, 8] - self.logged.rules.heading).max(axis=1)
+        return np.asarray((moved <= STILL) & (np.maximum(off, turned) <= JOINT))
 
     def at(self, drones: IntArray, time: float) -> FloatArray:
         """States of drones (n,) at a show time [s], shape (n, 12) (SI)."""
@@ -134,6 +141,36 @@ class Lanes:
             return
         still = standing(parked, self.at(parked, flight.end)[:, :3])
         yield from astray(part, [moving, still])
+
+    def _unlike(
+        self, drones: IntArray, claims: list[pb.Move], flights: list[Flight]
+    ) -> Iterator[str]:
+        """Yield moves of a group that do not begin and end when the log claims it.
+
+        At all other times its drones hover in one place, or are held in motion.
+        """
+        segment = self.segment
+        starts = np.array([flight.begin for flight in flights])
+        first, last = np.full(len(claims), np.inf), np.full(len(claims), -np.inf)
+        mine = np.isin(segment.table.owner, drones)
+        mine[mine] = ~self.waits(drones)
+        begin = segment.start + segment.table.start[mine]
+        end = segment.start + segment.table.end[mine]
+        for one in flights:
+            moved = ~((begin >= one.end - MOMENT) & (end <= one.until + MOMENT))
+            begin, end = begin[moved], end[moved]
+        which = np.maximum(np.searchsorted(starts, 0.5 * (begin + end)) - 1, 0)
+        np.minimum.at(first, which, begin)
+        np.maximum.at(last, which, end)
+        for claim, begins, ends in zip(claims, first, last, strict=True):
+            off = max(
+                abs(begins - claim.start), abs(ends - claim.start - claim.duration)
+            )
+            if np.isfinite(begins) and not off <= MOMENT:
+                yield (
+                    f"“{claim.name}” is flown from {begins:.3f} s to {ends:.3f} s, the "
+                    f"log says from {claim.start:.3f} s, for {claim.duration:.3f} s"
+                )
 
 
 def _during(
@@ -158,33 +195,3 @@ def _during(
     states = table.state[within], table.control[within]
     table = PieceTable(mine, rows, *times, *states)
     return replace(segment, message=message, table=table)
-
-
-def _unlike(
-    segment: Segment, drones: IntArray, claims: list[pb.Move], flights: list[Flight]
-) -> Iterator[str]:
-    """Yield moves of a group that do not begin and end when the log claims it.
-
-    At all other times every coefficient of its drones' positions is one place, but for
-    what is held in motion.
-    """
-    starts = np.array([flight.begin for flight in flights])
-    first, last = np.full(len(claims), np.inf), np.full(len(claims), -np.inf)
-    mine = np.isin(segment.table.owner, drones)
-    way = segment.table.state[mine, :, :3]
-    mine[mine] = np.abs(way - way[:, :1]).max(axis=(1, 2), initial=0.0) > STILL
-    begin = segment.start + segment.table.start[mine]
-    end = segment.start + segment.table.end[mine]
-    for one in flights:
-        moved = ~((begin >= one.end - MOMENT) & (end <= one.until + MOMENT))
-        begin, end = begin[moved], end[moved]
-    which = np.maximum(np.searchsorted(starts, 0.5 * (begin + end)) - 1, 0)
-    np.minimum.at(first, which, begin)
-    np.maximum.at(last, which, end)
-    for claim, begins, ends in zip(claims, first, last, strict=True):
-        off = max(abs(begins - claim.start), abs(ends - claim.start - claim.duration))
-        if np.isfinite(begins) and not off <= MOMENT:
-            yield (
-                f"“{claim.name}” is flown from {begins:.3f} s to {ends:.3f} s, the log "
-                f"says from {claim.start:.3f} s, for {claim.duration:.3f} s"
-            )
