@@ -139,3 +139,11 @@ def test_pads_that_are_no_formation(show):
 def test_landing_beside_the_pads(show):
     last = len(show.segments) - 1
     assert PADS in failures(moved(show, last, 0, 2e-3, begin=False))
+
+
+def test_a_launch_from_anothers_pad(show):
+    table = show.segments[0].table
+    state = table.state.copy()
+    first = table.first[:2]
+    state[first, 0] = state[first[::-1], 0]
+    assert failures(with_table(show, 0, state=state)) == {PADS}

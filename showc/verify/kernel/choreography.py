@@ -154,7 +154,7 @@ def _jumps(show: LoggedShow) -> Iterator[Seen]:
 
 
 def _ground(show: LoggedShow) -> Statement:
-    """First segment from the pads, last segment to them."""
+    """First segment from each drone's own pad, last segment to any of them."""
     first, last = show.segments[0], show.segments[-1]
     pads = [
         np.array(one.points).reshape(-1, 3)
@@ -169,11 +169,10 @@ def _ground(show: LoggedShow) -> Statement:
         if wrong:
             return Statement("VRF338", False, notes=(note,))
 
-    def beside(places: FloatArray) -> FloatArray:
-        away = [np.linalg.norm(pads[0] - one[:3], axis=1).min() for one in places]
-        return np.array(away)
-
-    fleet = np.arange(show.drones)
-    launch = Seen("launch", 0.0, fleet, beside(first.ends()[0]))
-    landing = Seen("landing", show.duration, fleet, beside(last.ends()[1]))
+    fleet, own = np.arange(show.drones), np.full((show.drones, 3), np.inf)
+    own[: len(pads[0])] = pads[0][: show.drones]
+    off = np.linalg.norm(first.ends()[0][:, :3] - own, axis=1)
+    away = [np.linalg.norm(own - one[:3], axis=1).min() for one in last.ends()[1]]
+    launch = Seen("launch", 0.0, fleet, off)
+    landing = Seen("landing", show.duration, fleet, np.array(away))
     return worst(Statement("VRF338", None, None, REACHED, "m"), (launch, landing))
