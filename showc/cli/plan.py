@@ -5,10 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from showc.cli.options import FILE, cache_option, flag, json_option, outside_option
+
+if TYPE_CHECKING:
+    from showc.pipeline.outlook import LegOutlook
+    from showc.script.show import Show
 
 
 @click.command(name="plan")
@@ -31,12 +36,11 @@ def command(
     allow_outside: bool,
     detailed_exitcode: bool,
 ) -> int:
-    """Say what compile would solve and why, and bounds on each transition's time.
+    """Show the timeline before anything is solved, with bounds on each move's time.
 
-    Assigns drones to places without solving anything. Bounds every leg's time from
-    below (a proof) and from above (a straight flight that always exists). Shows when
-    each begins, moves not solved yet taken as straight flights. Says what missions
-    cannot carry.
+    Assigns drones to places. Each leg takes at least a time that no flight can beat,
+    and at most that of a straight flight. Start times count moves that are not solved
+    yet as straight flights. Also lists what missions cannot carry.
 
     \b
       showc plan my-show.yaml
@@ -76,18 +80,27 @@ def command(
             )
         )
     else:
-        rows: list[tuple[str, ...]] = [("leg", "starts", "at least", "at most", "why")]
-        for leg in legs:
-            name = leg.name if leg.group is None else f"  {leg.group}: {leg.name}"
-            times = (f"{time:.3f} s" for time in (leg.start, leg.lower, leg.upper))
-            asked = "" if leg.ends is None else f"; ends at {leg.ends:.3f} s"
-            if leg.asked is not None:
-                asked = f"; asked to end at {leg.asked:.3f} s"
-            rows.append((name, *times, leg.reason + asked))
-        click.echo("\n".join(columns(rows, (0, 4))))
+        click.echo("\n".join(columns(timeline(legs, result.show), (0, 4))))
         click.echo(f"compile would solve {pending} of {len(legs)} legs")
         for reason in missions.refused:
-            click.echo(f"missions: none (see --no-missions): {reason}")
+            click.echo(f"no missions: {reason}")
         for note in missions.notes:
-            click.echo(f"missions: {note}")
+            click.echo(f"note: {note}")
     return 3 if detailed_exitcode and pending else 0
+
+
+def timeline(legs: list[LegOutlook], show: Show) -> list[tuple[str, ...]]:
+    """Return the rows of the table; with music, times count from its beginning."""
+    offset = 0.0 if show.music is None else show.music.offset
+    head = "starts" if show.music is None else "music time"
+    rows: list[tuple[str, ...]] = [("leg", head, "at least", "at most", "to do")]
+    for leg in legs:
+        name = leg.name if leg.group is None else f"  {leg.group}: {leg.name}"
+        start, *times = (
+            f"{time:.3f} s" for time in (leg.start - offset, leg.lower, leg.upper)
+        )
+        ends = "" if leg.ends is None else f"; ends at {leg.ends - offset:.3f} s"
+        if leg.asked is not None:
+            ends = f"; arrives at {leg.asked - offset:.3f} s, as asked"
+        rows.append((name, start, *times, leg.reason + ends))
+    return rows

@@ -317,7 +317,7 @@ class _Writer:
 
 Moment = Literal["start", "middle", "end"]
 
-NO_LIGHTS = "the missions carry no lights: mission.light_servos names no outputs"
+NO_LIGHTS = "missions have no lights: `light_servos` of `mission` names no outputs"
 
 
 def leg_colours(show: Show, leg: Leg) -> FloatArray:
@@ -361,12 +361,12 @@ def lights_left_out(show: Show) -> tuple[str, ...]:
     found = []
     if effects:
         found.append(
-            "colour effects are not in the missions, whose servo items only step: "
+            "missions leave colour effects out, because servos only step: "
             + _some(effects)
         )
     if stepped:
         found.append(
-            "even fades are single steps half way in the missions: " + _some(stepped)
+            "in missions a linear fade is one step half-way: " + _some(stepped)
         )
     return tuple(found)
 

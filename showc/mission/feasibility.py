@@ -58,7 +58,7 @@ def mission_outlook(itinerary: Itinerary) -> MissionOutlook:
     """
     show = itinerary.show
     if not show.mission.wanted:
-        return MissionOutlook(("the script wants none",), ())
+        return MissionOutlook(("the script asks for none",), ())
     least = _most_items(itinerary)
     found = [f"{one.message}; {one.help}" for one in refusals(show, least)]
     notes = list(lights_left_out(show))

@@ -245,7 +245,8 @@ def _warnings(
         longest = max(changed, key=lambda leg: leg["duration"])
         more = f", as are {len(changed) - 1} more" if len(changed) > 1 else ""
         found.append(
-            f"{longest['name']} keeps apart only as “{longest['encoding']}”{more}"
+            f"the missions fly `{longest['name']}` “{longest['encoding']}” to keep "
+            f"drones apart{more}"
         )
     found.extend(lights_left_out(show))
     return tuple(found)
@@ -258,18 +259,19 @@ def cue_notes(timeline: Timeline, music: Music | None) -> list[str]:
     found = []
     if timeline.shift or music is not None:
         begins = timeline.shift + (0.0 if music is None else music.offset)
-        what = "the show's time 0" if music is None else "the music"
+        when = f"{abs(begins):.1f} s {'after' if begins >= 0.0 else 'before'}"
         found.append(
-            f"slots follow the script's times: {what} is {begins:.1f} s after the "
-            "start of the missions"
+            f"show time 0 is {when} the start of the missions"
+            if music is None
+            else f"start the music {when} the missions"
         )
     worst = max(timeline.legs, key=lambda one: one.late)
     if worst.late > ON_TIME:
         late = sum(one.late > ON_TIME for one in timeline.legs)
         more = f", as are {late - 1} more" if late > 1 else ""
         found.append(
-            f"“{worst.leg.name}” is {worst.late:.1f} s late in the missions, whose "
-            f"legs need longer than the flight{more}; `showc stream` keeps all times"
+            f"the missions fly `{worst.leg.name}` {worst.late:.1f} s late{more}: their "
+            "legs need longer than the solved ones; `showc stream` keeps all times"
         )
     return found
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from showc.plan.itinerary import STILL
 from showc.script.lanes import arrival
+from showc.script.wording import counted
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -122,25 +123,25 @@ def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # no
     from showc.fleet.pace import straight_time  # noqa: PLC0415 - heavy
 
     if leg.parts:
-        time, reason = leg.duration or 0.0, "groups in times of their own, below"
+        time, reason = leg.duration or 0.0, "groups at times of their own, see below"
         return LegOutlook(
             leg.index, leg.name, False, reason, time, time, start, leg.arrive
         )
     if leg.motion:
         time = leg.duration or 0.0
-        reason = "solved before" if cached else "moving formation: in closed form"
+        reason = "solved before" if cached else "moving formation"
         return LegOutlook(leg.index, leg.name, not cached, reason, time, time, start)
     way = np.linalg.norm(leg.goal - leg.start, axis=1)
     if not (way > STILL).any():
-        time, reason = leg.duration or 0.0, "hold: nothing to solve"
+        time, reason = leg.duration or 0.0, "no drone moves"
         return LegOutlook(leg.index, leg.name, False, reason, time, time, start)
     lower = _axis_bound(leg.goal - leg.start, leg.limits)
     upper = max(straight_time(leg, show), leg.duration or 0.0)
     reason = (
-        "solved before, under the same rules"
+        "solved before"
         if cached
-        else f"not in the cache: {int((way > STILL).sum())} drones move, "
-        f"{way.max():.1f} m at most"
+        else f"to solve: {counted(int((way > STILL).sum()), 'drone')}, up to "
+        f"{way.max():.1f} m"
     )
     saved = None
     if leg.prefer == "energy" and leg.duration is not None:
