@@ -335,7 +335,7 @@ def _chapters(draft: Draft) -> list[Chapter]:
         found.append(
             Chapter(
                 name=leg.name.replace("->", "→"),
-                label=labels.get(leg.kind, leg.to_formation),
+                label=labels.get(leg.kind) or held_formation(leg) or leg.to_formation,
                 kind=leg.kind,
                 start=start,
                 duration=time,

@@ -73,7 +73,7 @@ def _speeds(
         least = level[part]
         most[number] = least.min() if (least > 0.0).all() else np.nan
     return (
-        Band("Speed along an axis, nearest its limit", "m/s", 2, times, speed, bound),
+        Band("Speed along an axis", "m/s", 2, times, speed, bound),
         Band("Greatest level acceleration", "m/s²", 2, times, push, most),
     )
 
@@ -118,4 +118,4 @@ def _apart(
         row = int(np.abs(times[chosen] - one.time).argmin())
         apart[row] = min(apart[row], one.distance)
     limit = np.full(many, separation.distance)
-    return Band("Nearest pair", "m", 2, times[chosen], apart, limit, least=True)
+    return Band("Closest pair", "m", 2, times[chosen], apart, limit, least=True)

@@ -290,7 +290,7 @@ def _nearest(judged: Judged, apart: _Apart | None) -> list[Band]:
         values[row_] = min(values[row_], check["value"])
     separation = judged.separation
     limit = np.full(values.size, np.nan if separation is None else separation.distance)
-    return [Band("Nearest pair", "m", 2, apart.times, values, limit, least=True)]
+    return [Band("Closest pair", "m", 2, apart.times, values, limit, least=True)]
 
 
 def _bands(

@@ -71,9 +71,11 @@ def _pictures(logged: LoggedShow) -> list[Picture]:
             name = message.from_formation if moving else message.to_formation
             if segment.kind not in kinds or name.startswith("above "):
                 continue
-            wait = {"motion": 0.0, "hold": min(_SETTLED, segment.duration / 2)}
-            wait_for = wait.get(segment.kind, segment.duration)
-            shown.setdefault(name, (segment.start, segment.start + wait_for))
+            # A picture that is not held stands when its move ends.
+            passing = segment.kind == "transition"
+            stands = segment.start + segment.duration * passing
+            settled = min(_SETTLED, segment.duration / 2) * (segment.kind == "hold")
+            shown.setdefault(name, (stands, stands + settled))
     found = []
     for name, (start, moment) in sorted(shown.items(), key=lambda one: one[1]):
         row = int(np.searchsorted(logged.times, moment))

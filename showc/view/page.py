@@ -235,7 +235,10 @@ def _chapter(one: Digest) -> Chapter:
     held = {"hold": message.to_formation, "motion": message.from_formation}
     return Chapter(
         name=message.name.replace("->", "→"),
-        label=label.get(one.segment.kind, message.to_formation or message.name),
+        label=label.get(one.segment.kind)
+        or held.get(one.segment.kind)
+        or message.to_formation
+        or message.name,
         kind=one.segment.kind,
         start=one.segment.start,
         duration=one.segment.duration,

@@ -169,7 +169,7 @@ def site_section(overview: Overview) -> str:
 
 def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
     heads = [
-        "", "Move", "Start", "Time [s]", "Lower bound [s]", "Gap",
+        "", "Move", "Start", "Duration [s]", "Lower bound [s]", "Gap",
         "Smallest separation [m]", "Speed [m/s]", "Roll, pitch [°]",
     ]  # fmt: skip
     nearest = tightest(digests)
@@ -196,7 +196,7 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
                 "",
                 "",
                 (f"≥ {rule:.2f} ({SHAPES[logged.rules.separation.shape]})"),
-                f"≤ {fastest:.2f} an axis",
+                f"≤ {fastest:.2f} per axis",
                 f"≤ {degrees(max(one.tilt for one in limits)):.1f}",
             ],
             kind="limit",
@@ -205,15 +205,17 @@ def _moves(logged: LoggedShow, digests: tuple[Digest, ...]) -> str:
     )
     bounds = [one for one in digests if one.bound is not None]
     note = (
-        '<p class="note">Lower bound: no flight of all drones can take less (proved). '
-        "Gap: time beyond the longest least time of a single drone alone.</p>"
+        '<p class="note">Lower bound: no flight of the fleet is shorter (proved).</p>'
         if bounds
-        else '<p class="note">Gap: time beyond the longest least time of a single '
-        "drone alone.</p>"
+        else ""
     )
     note += (
-        '<p class="note">Speeds are those of the whole motion. Their limit holds along '
-        "each axis: a slanted flight may be faster, and keeps it.</p>"
+        '<p class="note">Gap: how much longer a move takes than its slowest drone '
+        "would need alone. Where the script sets the time, so is the gap.</p>"
+    )
+    note += (
+        '<p class="note">Speeds are in the direction of flight. The limit holds along '
+        "each axis, so that a slanted flight may be faster.</p>"
     )
     note += _passing(digests) + _envelope_cost(digests)
     return f"<h2>Moves</h2>{table(heads, rows, words=frozenset({1}))}{note}"
@@ -240,7 +242,7 @@ def _passing(digests: tuple[Digest, ...]) -> str:
     """Say what pairs need to pass each other, where that is more than one alone."""
     return "".join(
         f'<p class="note">{text(one.segment.message.name)}: drones {one.passing[0]} '
-        f"and {one.passing[1]} need {one.passing[2]:.3f} s at least to pass each "
+        f"and {one.passing[1]} need at least {one.passing[2]:.3f} s to pass each "
         "other, by the planner's own bound.</p>"
         for one in digests
         if one.passing is not None
@@ -259,10 +261,10 @@ def _envelope_cost(digests: tuple[Digest, ...]) -> str:
     flown = sum(duration for duration, _ in pairs)
     least = sum(bound for _, bound in pairs)
     return (
-        f'<p class="note">These moves take {flown:.1f} s within what the autopilot '
-        f"follows; the airframe alone needs at least {least:.1f} s (proved for the "
-        "slowest drone of each). The autopilot's envelope and any limit of jerk cost "
-        f"at most {100.0 * (flown / least - 1.0):.0f} %.</p>"
+        f'<p class="note">These moves take {flown:.1f} s within the envelope that the '
+        f"autopilot follows. The airframe alone would need at least {least:.1f} s "
+        "(proved for the slowest drone of each move). The envelope and any limit of "
+        f"jerk cost at most {100.0 * (flown / least - 1.0):.0f} %.</p>"
     )
 
 
@@ -302,7 +304,7 @@ def checks_section(verification: Mapping[str, Any] | None) -> str:
     if verification is None:
         return (
             "<h2>Margins</h2><p>Nothing was verified. Run <code>showc verify</code> "
-            "on the log before anyone signs.</p>"
+            "on the log before you sign.</p>"
         )
     heads = ["", "What is proved", "Found", "Allowed", "Where"]
     words = frozenset({0, 1, 4})
@@ -396,8 +398,8 @@ def forecast_section(manifest: Mapping[str, Any]) -> str:
     if not isinstance(prediction, dict) or "legs" not in prediction:
         return ""
     heads = [
-        "Leg", "Flown as", "Starts", "Time [s]", "Log's time [s]",
-        "Off the log by [m]", "Arrives later by [s]", "Smallest separation [m]",
+        "Leg", "Flown", "Start", "Duration [s]", "In the log [s]",
+        "Off the log by [m]", "Later by [s]", "Smallest separation [m]",
     ]  # fmt: skip
     words = frozenset({0, 1})
     rows = [_leg(leg) for leg in prediction["legs"]]
@@ -412,10 +414,10 @@ def forecast_section(manifest: Mapping[str, Any]) -> str:
     return (
         "<h2>Missions<small>prediction for "
         f"{text(prediction.get('firmware', 'the autopilot'))}</small></h2>"
-        f"<p>Start: {text(start)}. Length {clock(prediction['duration'])}. Times are "
-        "those of the missions' own clock, which waits between legs; the released leg "
-        f"follows its slot by {prediction.get('delay', 0.0):.2f} ± "
-        f"{prediction.get('delay_spread', 0.0):.2f} s.</p>"
+        f"<p>Start: {text(start)}. Duration: {clock(prediction['duration'])}. Times "
+        "are those of the missions, which wait for a clock slot before each leg. A leg "
+        f"begins {prediction.get('delay', 0.0):.2f} ± "
+        f"{prediction.get('delay_spread', 0.0):.2f} s after its slot.</p>"
         + table(heads, rows, words=words)
         + (f"<ul>{warnings}</ul>" if warnings else "")
     )

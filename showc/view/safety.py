@@ -71,7 +71,7 @@ def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
     """
     risk = case.show.site.risk
     return (
-        "<h2>Safety of the site<small>volumes and distances hold at every instant"
+        "<h2>Safety of the site<small>proved for every instant"
         f"</small></h2><figure>{volumes_from_above(logged, case)}<figcaption>"
         f"{_key(case)}</figcaption></figure>"
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
@@ -96,7 +96,10 @@ def _key(case: SafetyCase) -> str:
         (colour, volume.name)
         for colour, volume in zip(COLOURS, case.volumes, strict=True)
     ]
-    entries += [("#e0701b", "Fence"), ("#f0a500", "Audience"), ("#555555", "Buildings")]
+    site = case.show.site
+    entries.append(("#e0701b", "Fence"))
+    entries += [("#f0a500", "Audience")] * bool(site.audience)
+    entries += [("#555555", "Buildings")] * bool(site.buildings)
     return "".join(
         f'<span class="key"><i style="background:{colour}"></i>{text(name)}</span> '
         for colour, name in entries
@@ -105,7 +108,7 @@ def _key(case: SafetyCase) -> str:
 
 def _findings(findings: tuple[Finding, ...]) -> str:
     if not findings:
-        return "<p>Nothing is missing.</p>"
+        return "<p>No findings.</p>"
     words = frozenset({0, 1, 2})
     rows = [
         [
@@ -138,7 +141,7 @@ def _distances(distances: tuple[Distance, ...]) -> str:
                 f"drone {one.place.drone + 1}, {clock(one.place.time)}",
             ]
         )
-    heads = ["From … to …", "Left, at least [m]", "Wanted [m]", "Decided by"]
+    heads = ["Distance", "At least [m]", "Required [m]", "Decided by"]
     return "<h3>Distances</h3>" + table(heads, rows, words=words)
 
 
@@ -159,11 +162,11 @@ def _failures(failures: Failures) -> str:
                 ]
             )
     said = (
-        "<h3>One drone fails</h3><p>From "
-        f"{100.0 * failures.share:.1f} % of all drones and seconds a drone without "
-        "thrust may meet another one on its way down; from all others it cannot.</p>"
+        "<h3>One drone fails</h3><p>A drone that loses thrust may hit another one on "
+        f"its way down in {100.0 * failures.share:.1f} % of all cases, one for each "
+        "drone and second of the show. In all other cases it cannot.</p>"
     )
-    heads = ["Falls", "May meet", "Drones"]
+    heads = ["Falling drone", "May hit", "Drones"]
     return said + (table(heads, rows, words=words) if rows else "")
 
 
@@ -171,16 +174,17 @@ def _stops(stops: Stops) -> str:
     """Return how long the fleet takes to stand still."""
     kept = stops.authority
     plot = line_plot(
-        "Time until the fleet stands still [s]",
+        "Time to stop [s]",
         stops.times,
         [Curve("by the second of the show at which the stop begins", stops.durations)],
     )
     return (
-        "<h3>Stop</h3><p>One clock drives all drones. Brought to rest it keeps every "
-        f"distance, and accelerations of {kept.level:.1f} m/s² sideways, {kept.up:.1f} "
-        f"up and {kept.down:.1f} down. From every second below the fleet stands within "
-        f"{stops.longest:.2f} s, from any instant within {stops.sure:.2f} s (proved). "
-        f"<code>showc stream</code> stops so.</p><div class='maps'>{plot}</div>"
+        "<h3>Stop</h3><p>All drones follow one clock. <code>showc stream</code> stops "
+        "the fleet by slowing this clock down to rest, so that all distances are kept. "
+        f"Accelerations stay within {kept.level:.1f} m/s² sideways, {kept.up:.1f} up "
+        f"and {kept.down:.1f} down. From each second plotted, the fleet stops within "
+        f"{stops.longest:.2f} s; from any instant, within {stops.sure:.2f} s "
+        f"(proved).</p><div class='maps'>{plot}</div>"
     )
 
 
@@ -188,7 +192,7 @@ def _aborts(logged: LoggedShow) -> str:
     """Return how the stopped fleet comes down, by the table in the log."""
     table_ = logged.aborts
     if not table_.rows:
-        return "<p>No way down was planned: <code>showc abort</code> does.</p>"
+        return "<p>No abort was planned: see <code>showc abort</code>.</p>"
     words = frozenset({0, 2})
     lines = []
     for one in table_.rows:
@@ -206,14 +210,14 @@ def _aborts(logged: LoggedShow) -> str:
             ]
         )
     heads = [
-        "At", "Stands in [s]", "Then", "On the ground in [s]", "Together [s]",
+        "At", "Stopped after [s]", "Then", "Landed after [s]", "In all [s]",
         "Smallest separation [m]",
     ]  # fmt: skip
     said = (
-        "<h3>Abort table</h3><p>Ways down and ways home are in the log, flight by "
-        "flight: <code>showc verify</code> proves them as it proves the show, from "
-        "where the fleet stands; and the accelerations of the stop, and of ways back "
-        "along the plan, which keep its distances.</p>"
+        "<h3>Abort table</h3><p>The log holds the flights of every way down and way "
+        "home. <code>showc verify</code> proves them as it proves the show, from where "
+        "the fleet has stopped. It also proves the accelerations of the stop, and of "
+        "ways back along the plan, which keep the plan's distances.</p>"
     )
     return said + table(heads, lines, words=words)
 
@@ -223,15 +227,15 @@ def _wind(case: SafetyCase, flown: Campaign | None) -> str:
     risk, limits = case.show.site.risk, case.show.limits
     standing, flying = (f"{np.degrees(lean):.0f}°" for lean in case.leans)
     said = (
-        f"<h3>Wind</h3><p>A steady wind of {risk.wind:g} m/s leans a drone that stands "
-        f"by up to {standing}, and the fastest drone, against it, by up to {flying} "
-        "(drag alone, an estimate). The plan itself tilts by no more than "
+        f"<h3>Wind</h3><p>In a steady wind of {risk.wind:g} m/s a hovering drone "
+        f"tilts by up to {standing}, and the fastest drone, flying against it, by up "
+        f"to {flying} (from drag alone, an estimate). The plan itself tilts by at most "
         f"{np.degrees(limits.tilt):.0f}°.</p>"
     )
     if flown is None:
         return (
-            f"{said}<p>Not flown in simulated wind: <code>showc simulate</code> does."
-            "</p>"
+            f"{said}<p>No flights in wind were simulated: see <code>showc "
+            "simulate</code>.</p>"
         )
     show, weather = case.show, flown.weather
     wanted = show.kept
@@ -253,12 +257,12 @@ def _wind(case: SafetyCase, flown: Campaign | None) -> str:
         )
     heads = [
         "Leg", "Error, RMS [m]", "Tube [m]", "Share of flights [%]",
-        "Nearest two drones [m]", "Rotors at limits [%]", "Limits taken [%]",
+        "Closest pair [m]", "Rotors at limits [%]", "Limits used [%]",
     ]  # fmt: skip
     watched = "with" if flown.observer else "without"
     planned = (
-        f"; paths keep {show.separation.distance:g} m, for each drone may stray by "
-        f"{show.tracking:g} m"
+        f"; their paths keep {show.separation.distance:g} m, because each drone may "
+        f"stray by {show.tracking:g} m"
         if show.tracking
         else ""
     )
@@ -266,12 +270,12 @@ def _wind(case: SafetyCase, flown: Campaign | None) -> str:
         f"{said}<p>A simulation with typical figures, not of one aircraft: "
         f"{weather.runs} flights in a wind of {weather.wind:g} m/s with "
         f"{text(weather.gusts)} gusts (Dryden), {text(flown.controller)} controller "
-        f"{watched} disturbance observer. Tubes hold their share of flights of single "
-        f"drones with a confidence of {100.0 * CONFIDENCE:.0f} %. Two drones are "
-        f"to keep {wanted:g} m{planned}; red: they came nearer. Limits taken are those "
-        "of speed, body rates and thrust, and a lean of "
-        f"{np.degrees(LEAN):.0f}°, not the tilt of the plan; above 100 % one "
-        "was left.</p>" + table(heads, lines, words=frozenset({0}))
+        f"{watched} disturbance observer. A tube contains the stated share of single "
+        f"drones' flights, with a confidence of {100.0 * CONFIDENCE:.0f} %. Two drones "
+        f"must stay {wanted:g} m apart{planned}; red: they came closer. The limits "
+        "used are those of speed, body rates and thrust, and a tilt of "
+        f"{np.degrees(LEAN):.0f}° in place of the plan's; above 100 % one of them was "
+        "exceeded.</p>" + table(heads, lines, words=frozenset({0}))
     )
 
 
@@ -291,7 +295,7 @@ def _energy(case: SafetyCase) -> str:
         for drone in order.tolist()
     ]
     heads = [
-        "Takes most", "Energy [Wh]", "Charge [%]", "Greatest power [W]",
+        "Largest use", "Energy [Wh]", "Charge [%]", "Greatest power [W]",
         "Lowest voltage [V]",
     ]  # fmt: skip
     plots = line_plot(
@@ -300,18 +304,19 @@ def _energy(case: SafetyCase) -> str:
         [Curve("", 100.0 * energy.left[:, worst])],
         limits=[100.0 * (1.0 - battery.allowed)],
     ) + line_plot(
-        f"Least voltage under load, drone {worst + 1} [V]",
+        f"Lowest voltage under load, drone {worst + 1} [V]",
         energy.times,
         [Curve("", np.nan_to_num(energy.voltage[:, worst]))],
         limits=[battery.voltage_min],
     )
     return (
-        "<h3>Energy</h3><p>An estimate: momentum theory, fitted to a hover power of "
-        f"{battery.hover_power:.1f} W; a battery of {battery.capacity / 3.6:.0f} mAh "
-        f"and {battery.resistance * 1e3:.0f} mΩ, full at the start, which hovers for "
-        f"{energy.hover_endurance / 60.0:.1f} min. An abort after the flight takes "
-        f"{100.0 * energy.abort:.1f} % more; {100.0 * battery.allowed:.0f} % may be "
-        f"taken.</p>{table(heads, rows, words=frozenset({0}))}"
+        "<h3>Energy</h3><p>An estimate by momentum theory, fitted to a hover power of "
+        f"{battery.hover_power:.1f} W. The battery of {battery.capacity / 3.6:.0f} mAh "
+        f"and {battery.resistance * 1e3:.0f} mΩ is full at the start, and lasts for "
+        f"{energy.hover_endurance / 60.0:.1f} min of hovering. An abort at the end "
+        f"uses {100.0 * energy.abort:.1f} % more. At most "
+        f"{100.0 * battery.allowed:.0f} % of the charge may be used.</p>"
+        f"{table(heads, rows, words=frozenset({0}))}"
         f'<div class="maps">{plots}</div>'
     )
 
@@ -336,8 +341,8 @@ def _spared(logged: LoggedShow) -> str:
     if not lines:
         return ""
     heads = [
-        "Prefers energy", "Takes [s]", "Fleet's energy [Wh]",
-        "Flown at once, then hovered [Wh]", "Saved [%]",
+        "Move that saves energy", "Duration [s]", "Fleet's energy [Wh]",
+        "Flown at once, then hovering [Wh]", "Saved [%]",
     ]  # fmt: skip
     return table(heads, lines, words=frozenset({0}))
 
@@ -356,7 +361,7 @@ def _volumes(case: SafetyCase) -> str:
             f"{width[volume.name]:.1f}" if volume.name in width else "",
             f"{volume.top:.1f}",
             (
-                f"{np.ptp(volume.corners[:, 0]):.0f} x "
+                f"{np.ptp(volume.corners[:, 0]):.0f} × "
                 f"{np.ptp(volume.corners[:, 1]):.0f}"
             ),
             f"{area(volume.corners):,.0f}",
@@ -368,11 +373,11 @@ def _volumes(case: SafetyCase) -> str:
     clear = {
         "ballistic": " and the ballistic ground risk buffer",
         "one-to-one": " and the 1:1 ground risk buffer",
-    }.get(method, "; the ground risk buffers are there to compare")
+    }.get(method, "; the ground risk buffers are for comparison")
     return (
-        "<h3>Volumes</h3><p>The script wants these clear of the audience: the impact "
-        f"footprint{clear}. Widths add up from the flight geography outwards.</p>"
-        + table(heads, rows, words=words)
+        "<h3>Volumes</h3><p>The script demands that the audience stays outside the "
+        f"impact footprint{clear}. Widths add up outwards, from the flight geography."
+        "</p>" + table(heads, rows, words=words)
     )
 
 

@@ -549,7 +549,7 @@ def test_a_second_fleet_stands_hollow_beside_the_solved_one(tab, tmp_path, glidi
     tab.evaluate(FRAME)
     assert not tab.evaluate(hidden)
     chip = "document.querySelector('#farthest').textContent"
-    assert tab.evaluate(chip) == "◯ As flown: at most 2.50 m, drone 4"
+    assert tab.evaluate(chip) == "◯ As flown: up to 2.50 m, drone 4"
     changed = (picture(tab) - plain).max(axis=-1) > 40
     state = np.stack([gliding_log.trajectory(k).state(time)[:3] for k in range(16)])
     for drone in (3, 6):

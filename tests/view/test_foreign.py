@@ -62,7 +62,7 @@ def test_the_proved_encounter_is_the_tightest_of_the_page(strict):
     (tightest,) = [one for one in scene.encounters if one.tightest]
     assert tightest.distance == pytest.approx(2.4, abs=1e-3)
     assert tightest.time == pytest.approx(MET, abs=1e-2)
-    (band,) = [one for one in scene.bands if one.name == "Nearest pair"]
+    (band,) = [one for one in scene.bands if one.name == "Closest pair"]
     assert band.values.min() == pytest.approx(2.4, abs=1e-3)
     assert np.all(band.limits == 3.0)
 

@@ -87,6 +87,8 @@ def test_a_formation_that_moves_is_drawn_where_it_will_be():
     at = int(np.ceil(end / scene.step))
     assert np.allclose(scene.positions[at], leg.goal, atol=0.3)
     assert np.abs(leg.goal - leg.start).max() > 3.0
+    # What it becomes has a name of its own, which no script says.
+    assert scene.chapters[number].label == "row"
 
 
 def test_what_arrives_and_leaves_in_motion_is_drawn_with_its_velocities():

@@ -222,4 +222,4 @@ def test_speeds_beside_a_limit_along_an_axis_say_which_they_are(gliding_log):
     samples = gliding_log.samples
     most = max(np.abs(samples[name]).max() for name in ("vx", "vy", "vz"))
     assert f"{most:.2f} m/s along an axis" in page
-    assert "Their limit holds along each axis" in page
+    assert "The limit holds along each axis" in page

@@ -39,8 +39,8 @@ function describeScript(about) {
   $("#desk-title").textContent = about.script;
   const { stale, solving, solved, legs } = about.status;
   const words = [];
-  if (stale) words.push("not drawn: the picture is that of an earlier version");
-  else words.push(solved ? `${solved} of ${legs} legs as solved` : "straight lines, not solved");
+  if (stale) words.push("has errors: the picture is of an earlier version");
+  else words.push(solved ? `${solved} of ${legs} legs solved` : "straight lines, not solved");
   if (solving) words.push("solving");
   const count = about.findings.length;
   words.push(count ? `${count} ${count === 1 ? "finding" : "findings"}` : "no findings");
@@ -95,6 +95,6 @@ news.onmessage = async (event) => {
   if (document.documentElement.dataset.ready === "yes") await refresh();
 };
 news.onerror = () => {
-  $("#desk-status").textContent = "the server has gone; start showc preview again";
+  $("#desk-status").textContent = "the server has stopped; start showc preview again";
   $("#desk-status").classList.add("stale");
 };

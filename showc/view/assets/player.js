@@ -172,7 +172,7 @@ function drawStrayed(onPage) {
     const away = strayed(k, player.time);
     if (away > most) [player.farthest, most] = [k, away];
   }
-  $("#farthest").textContent = `◯ ${show.second.name}: ` + (most < 0 ? "not known now" : `at most ${most.toFixed(2)} m, drone ${player.farthest + 1}`);
+  $("#farthest").textContent = `◯ ${show.second.name}: ` + (most < 0 ? "no record now" : `up to ${most.toFixed(2)} m, drone ${player.farthest + 1}`);
   $("#farthest").disabled = most < 0;
   return shown;
 }
@@ -388,10 +388,10 @@ function describe() {
   const tightest = show.encounters.find((encounter) => encounter.tightest);
   if (tightest) {
     $("#tightest").hidden = false;
-    $("#tightest").textContent = `◆ tightest ${tightest.distance.toFixed(2)} m at ${clockText(tightest.time)}`;
+    $("#tightest").textContent = `◆ closest pair ${tightest.distance.toFixed(2)} m at ${clockText(tightest.time)}`;
   }
-  const mesh = show.meshes.length > 1 ? " · mesh intervals of the solution" : "";
-  $("#legend").textContent = `Chapters · light of the fleet · closest pair of each move (◆ tightest)${mesh} · time, cues and findings (▲)`;
+  const mesh = show.meshes.length > 1 ? " · solver mesh" : "";
+  $("#legend").textContent = `Chapters · average colour · closest pair of each move (◆ of the show)${mesh} · time, cues and findings (▲)`;
   $("#menu [data-toggle=second]").hidden = !show.second;
   if (show.second) {
     const { name, frameStep } = show.second;
@@ -442,7 +442,7 @@ async function start() {
     loadOwnSound();
   } catch (error) {
     $("#failure").hidden = false;
-    $("#failure").textContent = `The show cannot be drawn here. ${error.message}`;
+    $("#failure").textContent = `This browser cannot draw the show. ${error.message}`;
     throw error;
   }
   window.__load_ms = performance.now() - begin;

@@ -26,6 +26,16 @@ function movingAt(segment, time) {
   return now.map((move) => `${move.group}: ${move.name}`).join(", ") || segment.name;
 }
 
+// A label, shortened where there is no room for all of it; nothing for less than two letters.
+function fitting(c, label, room) {
+  if (c.measureText(label).width <= room) return label;
+  for (let length = label.length - 1; length > 1; length--) {
+    const short = `${label.slice(0, length).trimEnd()}…`;
+    if (c.measureText(short).width <= room) return short;
+  }
+  return "";
+}
+
 class Timeline {
   constructor(element, seek) {
     this.element = element;
@@ -174,17 +184,12 @@ class Timeline {
         c.beginPath();
         c.roundRect(left + 0.5, top, Math.max(wide - 1, 1), height, 4);
         c.fill();
-        c.save();
-        c.beginPath();
         // A name may run on over the hold that follows.
         const after = show.segments[index + 1];
         const room = after && after.kind === "hold" ? wide + this.x(after.duration) : wide;
-        c.rect(left, top, room - 4, height);
-        c.clip();
         c.font = "11px system-ui, 'DejaVu Sans', sans-serif";
         c.fillStyle = "rgba(233, 237, 246, 0.85)";
-        if (room > 26) c.fillText(segment.label, left + 6, top + height / 2 + 0.5);
-        c.restore();
+        c.fillText(fitting(c, segment.label, room - 9), left + 6, top + height / 2 + 0.5);
       }
     });
   }
@@ -202,14 +207,10 @@ class Timeline {
       c.beginPath();
       c.roundRect(left + 0.5, above, Math.max(wide - 1, 1), Math.max(tall - 1, 1), 3);
       c.fill();
-      if (wide < 26 || tall < 6) continue;
-      c.save();
-      c.beginPath();
-      c.rect(left, above, wide - 4, tall);
-      c.clip();
+      if (tall < 6) continue;
       c.fillStyle = "rgba(233, 237, 246, 0.85)";
-      c.fillText(move.held ? move.label : `${move.group}: ${move.label}`, left + 6, above + tall / 2);
-      c.restore();
+      const label = move.held ? move.label : `${move.group}: ${move.label}`;
+      c.fillText(fitting(c, label, wide - 9), left + 6, above + tall / 2);
     }
   }
 
