@@ -15,7 +15,7 @@ from showc.script.formations import SHAPES
 
 WIDTH, HEIGHT = 300, 190
 """Of a picture, in its own units."""
-AZIMUTH, ELEVATION = 0.45, 0.26
+AZIMUTH, ELEVATION = 0.45, 0.35
 """Where the pictures are seen from [rad]: half from the side, a little from above."""
 HEAD = """showc: 1
 site: {volume: {min: [-60, -60, 0], max: [60, 60, 90]}}
@@ -147,8 +147,8 @@ FORMATIONS = [
     Piece(
         "parts",
         44,
-        "{parts: [{type: circle, radius: 13, plane: front}, "
-        "{type: sphere, count: 20, radius: 5, colour: gold}]}",
+        "{parts: [{type: circle, radius: 13, plane: front, centre: [0, 0, 24]}, "
+        "{type: sphere, count: 20, radius: 5, centre: [0, 0, 24], colour: gold}]}",
     ),
     Piece(
         "transform",
@@ -198,7 +198,7 @@ MOTIONS = [
         "motion: [{follow: dance.csv}]",
     ),
     Piece(
-        "several at once",
+        "several motions",
         36,
         SQUARE.replace("aquamarine", "tomato"),
         "hold: 20, motion: [{rotate: 90}, {wave: {amplitude: 1.5, wavelength: 30}}]",
@@ -233,10 +233,14 @@ EFFECTS = [
 GROUPS = {"Formations": FORMATIONS, "Motions": MOTIONS, "Lights": EFFECTS}
 INTRODUCTION = """# Gallery
 
-Formations, motions and lights, each with the lines that make it. Pictures are drawn
-from the places and colours that `showc` works out, seen half from the side. Of motions
-they show the ways of the drones, of effects six moments of two seconds. Every key is in
-[Show scripts](script.md); `showc preview` shows yours while you write.
+Formations, motions and lights, each with the lines that make it. `showc` draws the
+pictures from its own places and colours, seen from the front left and a little from
+above. Drones at the back are darker. Motions are drawn with the drones' paths, effects
+at six moments within two seconds, row by row. Files such as `heart.svg` stand for
+yours.
+
+[Show scripts](script.md) explains every key. `showc preview` shows your script while
+you write it.
 """
 
 
@@ -269,6 +273,17 @@ def seen(points: np.ndarray) -> np.ndarray:
     return np.stack(
         [across, -(np.cos(ELEVATION) * z + np.sin(ELEVATION) * deep)], axis=-1
     )
+
+
+def depth(points: np.ndarray) -> np.ndarray:
+    """Return how far places (n, 3) [m] lie behind the origin, as they are seen [m]."""
+    return np.sin(AZIMUTH) * points[:, 0] + np.cos(AZIMUTH) * points[:, 1]
+
+
+def shade(points: np.ndarray) -> np.ndarray:
+    """Return the brightness of places: what stands up straight is all bright."""
+    behind = points[:, 1] - points[:, 1].min()
+    return 1.0 - 0.6 * behind / max(behind.max(), 6.0)
 
 
 def fitted(points: np.ndarray, width: float, height: float) -> np.ndarray:
@@ -305,8 +320,11 @@ def picture(piece: Piece) -> str:
         body += lights(places[0], 0.35 * scene.colours[rows[0]])
         body += lights(places[20], scene.colours[rows[0]])
     else:
-        places = fitted(seen(scene.positions[first]), WIDTH, HEIGHT)
-        body = lights(places, scene.colours[first])
+        points = scene.positions[first]
+        order = np.argsort(-depth(points), kind="stable")
+        places = fitted(seen(points), WIDTH, HEIGHT)
+        colours = scene.colours[first] * shade(points)[:, None]
+        body = lights(places[order], colours[order])
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" '
         f'width="{WIDTH}" height="{HEIGHT}"><style>.way{{fill:none;stroke:#7db4ff;'
@@ -345,13 +363,16 @@ def file_of(group: str, piece: Piece) -> str:
     return f"gallery/{group.lower()}-{piece.name.replace(' ', '-')}.svg"
 
 
+TITLES = {"svg": "SVG drawing", "csv": "CSV table", "moments": "Lights at moments"}
+
+
 def page() -> str:
     """Return the gallery as Markdown."""
     parts = [INTRODUCTION]
     for group, pieces in GROUPS.items():
         parts.append(f"## {group}\n")
         parts += [
-            f"### {piece.name.capitalize()}\n\n"
+            f"### {TITLES.get(piece.name, piece.name.capitalize())}\n\n"
             f"![{piece.name}: {piece.drones} drones]({file_of(group, piece)})\n\n"
             f"```yaml\ndrones: {piece.drones}\n{piece.lines}```\n"
             for piece in pieces
