@@ -6,26 +6,29 @@ order by
     sum over intervals of |l . (re-integrated - polynomial state)|          (dynamics)
     integral of H(x, u, l) - min over v in bounds of H(x, v, l)             (control)
 
-The second is computed here. Where a state is at its bound the costates of a discrete
-program are determined only as far as its controls can tell them apart. What is left
-oscillates; there they are replaced by their best approximation by polynomials of the
-controls' degree.
+The second is computed here, with costates between the points as
+:mod:`showc.ocp.audit.costates` gives them.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
-from numpy.polynomial import legendre
 
+from showc.ocp.audit.constrained import ConstrainedControls
+from showc.ocp.audit.costates import (
+    best_approximation,
+    degrees_of,
+    interpolated,
+    without_oscillation,
+)
 from showc.ocp.mesh import alike
-from showc.ocp.nodes import bernstein_values, collocation
+from showc.ocp.nodes import collocation
 from showc.ocp.quantity import column
-from showc.trajectory import bernstein_basis, piece_values
+from showc.trajectory import piece_values
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
@@ -35,8 +38,6 @@ if TYPE_CHECKING:
     from showc.ocp.transcription.collocation.statement import Table
 
 
-_MOST_CORNERS = 6
-"""Controls in path constraints up to which all corners of their box are looked at."""
 _CANCELLED = 1e-3
 """An objective below this share of what the states are worth is all but zero: its error
 is judged over that share instead."""
@@ -44,6 +45,11 @@ _RESOLVED = 1e-5
 """Error of an interval's dynamics up to which it tells where its singular arc is."""
 _TOLD = 1e-2
 """Error of any dynamics up to which costates tell it."""
+_SCANNED = 8
+"""Places of a control's range from which valleys of the Hamiltonian are looked for:
+each turn of an angle has one, and bounds seldom leave more than two turns."""
+_DESCENTS = 3
+"""Newton's steps from each."""
 _MOSTLY = 0.5
 """Share of an interval from which a state counts as being at its bound on it."""
 
@@ -91,85 +97,78 @@ class MinimumPrinciple:
         )
         """For each control: whether it enters the Hamiltonian linearly, so that an
         arc off its bounds is singular or bound by a state."""
-        self.path_bound = tuple(
-            casadi.jacobian(path, u)[:, j].nnz() > 0 for j in range(u.numel())
-        )
-        """For each control: whether a path constraint may determine it."""
-        slopes = casadi.jacobian(path, u)
-        rows, columns = slopes.sparsity().get_triplet()
-        self.entries = np.zeros(slopes.shape, dtype=bool)
-        """Which control enters which path constraint, shape (constraints, controls)."""
-        self.entries[rows, columns] = True
-        self.mixed = np.asarray(self.entries.any(axis=1))
-        """For each path constraint: whether a control enters it."""
+        self.constrained = ConstrainedControls(path, symbols, auditor)
+        """Controls in path constraints."""
         slope = casadi.gradient(hamiltonian, u)
         bend = casadi.diag(casadi.jacobian(slope, u))
         self._arguments = x, u, t, p, costate
         self._rates = f, -casadi.gradient(hamiltonian, x)
+        self.quadratic = tuple(
+            not casadi.depends_on(bend[j], u[j]) for j in range(u.numel())
+        )
+        """For each control: whether the Hamiltonian bends alike whatever its value, so
+        that there is no second valley of it."""
         self.h = casadi.Function("h", [x, u, t, p, costate], [hamiltonian])
         self.h_slopes = casadi.Function("hs", [x, u, t, p, costate], [slope, bend])
 
     def gap(
         self, phase: PhaseSolution, p: FloatArray, table: Table, missed: FloatArray
-    ) -> FloatArray:
+    ) -> tuple[FloatArray, FloatArray]:
         """Integral over each interval of the gap in the minimum principle.
 
-        ``missed``: relative error of the dynamics on each interval, shape (K,).
+        Parameters
+        ----------
+        phase, p, table
+            The solution, values of parameters and statics, and bounds.
+        missed
+            Relative error of the dynamics on each interval, shape (K,).
+
+        Returns
+        -------
+        tuple
+            The gap by each control alone, then by controls in path constraints together
+            where all of them are at bounds, then what other valleys of the Hamiltonian
+            have more: shape (controls + 2, K). And the best values found, with their
+            times as the first row: shape (1 + controls, n).
         """
         count = phase.states.intervals
         if not phase.control_names:
-            return np.zeros(count)
+            return np.zeros((2, count)), np.zeros((1, 0))
         nodes, weights = collocation("gauss", max(phase.mesh.points) + 2)
-        x = flat(piece_values(phase.states.coefficients, nodes))
-        u = flat(piece_values(phase.controls.coefficients, nodes))
-        places = tuple(map(float, nodes))
+        at = self._places(phase, p, table, nodes)
+        x, u, t, parameters, costate = at
         blocked = self._blocked(phase, x, table)
         along = np.any(blocked != 0.0, axis=0).reshape(count, -1).mean(axis=1)
         settling = along > _MOSTLY
-        costates = self._settled(phase, settling)
-        costate = np.vstack(
-            [
-                flat(interpolated(phase, places, costates)),
-                flat(
-                    self._pressures(
-                        interpolated(phase, places, phase.path_multipliers), table
-                    )
-                ),
-                np.repeat(phase.integral_prices[:, None], count * nodes.size, axis=1),
-            ]
-        )
         widths = np.diff(phase.states.breaks)
-        t = (phase.states.breaks[:-1, None] + widths[:, None] * nodes).reshape(1, -1)
-        parameters = np.repeat(p[:, None], t.size, axis=1)
-        lower, upper = self.auditor.control_bounds(table)
-        vertices = self._vertices(lower, upper)
+        bounds = self.auditor.control_bounds(table)
+        vertices = self.constrained.vertices(*bounds)
         pinned: BoolArray = np.zeros(t.size, dtype=bool)
         if vertices:
-            pinned = self._pinned(u, (lower, upper))
-            costate[len(phase.state_names) :][np.ix_(self.mixed, pinned)] = 0.0
+            pinned = self.constrained.pinned(u, bounds)
+            mixed = np.ix_(self.constrained.mixed, pinned)
+            costate[len(phase.state_names) :][mixed] = 0.0
         h = self.h.map(t.size)
-        here = np.asarray(h(x, u, t, parameters, costate)).ravel()
-        slope, bend = (
-            np.asarray(a)
-            for a in self.h_slopes.map(t.size)(x, u, t, parameters, costate)
-        )
+        here = np.asarray(h(*at)).ravel()
+        slope, _ = self._slopes(at)
         settled = np.repeat(settling, nodes.size)
-        switching = self._switching(phase, np.flatnonzero(settling), p, places)
-        gap = np.zeros(t.size)
-        reach = self._reach((x, u, t, parameters, costate), slope, phase, missed)
+        switching = self._switching(
+            phase, np.flatnonzero(settling), p, tuple(map(float, nodes))
+        )
+        gap, better = np.zeros((u.shape[0] + 2, t.size)), np.vstack([t, u])
+        reach = self._reach(at, slope, phase, missed)
         reach[:, settled | np.any(blocked != 0.0, axis=0)] = np.inf
         rate = np.asarray(self.auditor.f.map(t.size)(x, u, t, parameters))
         for j in range(u.shape[0]):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                newton = np.where(bend[j] > 0.0, u[j] - slope[j] / bend[j], u[j])
             best = here.copy()
-            for candidate in (newton, *self._ends(j, u[j], count, (lower, upper))):
-                if not np.all(np.isfinite(candidate)):
-                    continue
+            left = pinned & self.constrained.bound[j]
+            near, far = self._candidates(j, at, bounds, count)
+            for number, candidate in enumerate((*near, *far)):
                 trial = u.copy()
-                trial[j] = np.clip(candidate, lower[j], upper[j])
-                trial[j] = np.clip(trial[j], u[j] - reach[j], u[j] + reach[j])
+                trial[j] = np.clip(candidate, u[j] - reach[j], u[j] + reach[j])
                 value = np.asarray(h(x, trial, t, parameters, costate)).ravel()
+                if self.constrained.restricts(j, table, convex=self.quadratic[j]):
+                    value = here + self.constrained.change(j, at, trial, h, table)
                 if self.affine[j]:
                     step = trial[j, settled] - u[j, settled]
                     value[settled] = here[settled] + switching[j] * step
@@ -178,15 +177,91 @@ class MinimumPrinciple:
                     - rate
                 )
                 # A change that drives a state through its bound is no candidate.
-                value[np.any(blocked * change > 1e-12, axis=0)] = np.inf
-                best = np.fmin(best, value)
-            gap += np.where(pinned & self.path_bound[j], 0.0, here - best)
+                value[left | np.any(blocked * change > 1e-12, axis=0)] = np.inf
+                gain = np.fmax(best - value, 0.0)
+                gap[j if number < len(near) else -1] += gain
+                better[j + 1] = np.where(gain > 0.0, trial[j], better[j + 1])
+                best -= gain
         if pinned.any():
-            at = (x[:, pinned], t[:, pinned], parameters[:, pinned])
-            gap[pinned] += self._vertex_gap(
-                vertices, u[:, pinned], at, costate[:, pinned], table
-            )
-        return np.asarray(widths * (gap.reshape(count, -1) @ weights))
+            there = tuple(part[:, pinned] for part in at)
+            h = self.h.map(int(np.count_nonzero(pinned)))
+            gap[-2, pinned] = self.constrained.vertex_gap(vertices, there, h, table)
+        return widths * (gap.reshape(len(gap), count, -1) @ weights), better
+
+    def preferred(
+        self, phase: PhaseSolution, p: FloatArray, table: Table, places: FloatArray
+    ) -> FloatArray:
+        """Return the bound that each control should be at where it enters linearly.
+
+        -1 for the lower, 1 for the upper; 0 for others. At fractions of every interval:
+        shape (controls, K * places).
+        """
+        slope, _ = self._slopes(self._places(phase, p, table, places))
+        return np.asarray(-np.sign(slope) * np.array(self.affine)[:, None])
+
+    def _places(
+        self, phase: PhaseSolution, p: FloatArray, table: Table, places: FloatArray
+    ) -> tuple[FloatArray, ...]:
+        """Arguments of the Hamiltonian at fractions of every interval, in columns."""
+        count = phase.states.intervals
+        x = flat(piece_values(phase.states.coefficients, places))
+        u = flat(piece_values(phase.controls.coefficients, places))
+        near = np.any(self._blocked(phase, x, table) != 0.0, axis=0)
+        settling = near.reshape(count, -1).mean(axis=1) > _MOSTLY
+        costates = without_oscillation(self.phase, phase, settling)
+        shares = tuple(map(float, places))
+        pressures = interpolated(phase, shares, phase.path_multipliers)
+        costate = np.vstack(
+            [
+                flat(interpolated(phase, shares, costates)),
+                flat(self._pressures(pressures, table)),
+                np.repeat(phase.integral_prices[:, None], count * places.size, axis=1),
+            ]
+        )
+        widths = np.diff(phase.states.breaks)
+        t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
+        return x, u, t, np.repeat(p[:, None], t.size, axis=1), costate
+
+    def _slopes(self, at: tuple[FloatArray, ...]) -> tuple[FloatArray, FloatArray]:
+        """First and second derivatives of H by each control, shapes (controls, n)."""
+        slope, bend = self.h_slopes.map(at[2].size)(*at)
+        return np.asarray(slope), np.asarray(bend)
+
+    def _candidates(
+        self,
+        j: int,
+        at: tuple[FloatArray, ...],
+        bounds: tuple[FloatArray, FloatArray],
+        count: int,
+    ) -> tuple[list[FloatArray], list[FloatArray]]:
+        """Values of control j that may be better ones, each of shape (n,).
+
+        Newton's step and the bounds; and where H may have several valleys what Newton's
+        steps lead to from places all over the range.
+        """
+        x, u, *rest = at
+        low, high = bounds[0][j], bounds[1][j]
+
+        def descent(value: FloatArray) -> FloatArray:
+            trial = u.copy()
+            trial[j] = value
+            slope, bend = (a[j] for a in self._slopes((x, trial, *rest)))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = np.where(bend > 0.0, slope / bend, 0.0)
+            return np.asarray(np.clip(value - step, low, high))
+
+        near, far = [descent(u[j])], []
+        near += [np.clip(end, low, high) for end in self._ends(j, u[j], count, bounds)]
+        if not self.quadratic[j]:
+            span = np.ptp(u[j]) or 1.0
+            first = low if np.isfinite(low) else u[j].min() - span
+            last = high if np.isfinite(high) else u[j].max() + span
+            for share in (np.arange(_SCANNED) + 0.5) / _SCANNED:
+                value = np.full(u.shape[1], first + share * (last - first))
+                for _ in range(_DESCENTS):
+                    value = np.nan_to_num(descent(value), nan=first)
+                far.append(value)
+        return [value for value in near if np.all(np.isfinite(value))], far
 
     @cached_property
     def _singular(self) -> Any:  # noqa: ANN401 - a CasADi function
@@ -237,18 +312,6 @@ class MinimumPrinciple:
         reach[affine] = np.nan_to_num(step, nan=np.inf)[affine]
         return reach
 
-    def _pinned(
-        self, u: FloatArray, bounds: tuple[FloatArray, FloatArray]
-    ) -> BoolArray:
-        """Mark where every control of a path constraint is held at its bound, (n,).
-
-        The multiplier of that constraint is not determined there.
-        """
-        lower, upper = bounds
-        near = 1e-9 * (upper - lower)[:, None]
-        held = (u <= lower[:, None] + near) | (u >= upper[:, None] - near)
-        return np.asarray(held[list(self.path_bound)].all(axis=0))
-
     def _ends(
         self, j: int, u: FloatArray, count: int, bounds: tuple[FloatArray, FloatArray]
     ) -> list[FloatArray]:
@@ -274,15 +337,6 @@ class MinimumPrinciple:
         least = np.where(np.isinf(low), 0.0, -np.inf)
         most = np.where(np.isinf(high), 0.0, np.inf)
         return np.asarray(np.clip(pressures, least, most))
-
-    def _degrees(self, phase: PhaseSolution, k: int) -> tuple[int, ...]:
-        """Degree of each control on interval k."""
-        given, least = phase.mesh.control_degrees, phase.mesh.points[k] - 1
-        degrees = [
-            given[name][k] if name in given else control.degree
-            for name, control in self.phase.controls.items()
-        ]
-        return tuple(least if d is None or d < 0 else min(d, least) for d in degrees)
 
     def _switching(
         self,
@@ -314,7 +368,7 @@ class MinimumPrinciple:
         first = np.cumsum(points) - points
         breaks = phase.states.breaks
         found = np.zeros((len(phase.control_names), chosen.size, len(places)))
-        degrees = [self._degrees(phase, int(k)) for k in chosen]
+        degrees = [degrees_of(self.phase, phase, int(k)) for k in chosen]
         for (n, own), at in alike(zip(points[chosen].tolist(), degrees, strict=True)):
             k = chosen[at]
             nodes, weights = collocation(phase.scheme, n)
@@ -335,75 +389,9 @@ class MinimumPrinciple:
                 )[0]
             )
             for j, degree in enumerate(own):
-                wanted = _best(nodes, weights, degree, np.array(places))
+                wanted = best_approximation(nodes, weights, degree, np.array(places))
                 found[j, at] = slope[j].reshape(-1, n) @ wanted.T
         return found.reshape(found.shape[0], -1)
-
-    def _settled(self, phase: PhaseSolution, along: BoolArray) -> FloatArray:
-        """Costates at the points, shape (points, states), without their oscillation.
-
-        ``along``: on which intervals a state is at its bound, shape (K,); on these the
-        best approximation of the greatest degree of a control is taken, as
-        :meth:`_switching` does for slopes.
-        """
-        settled = phase.costates.copy()
-        points = np.asarray(phase.mesh.points)
-        first = np.cumsum(points) - points
-        chosen = np.flatnonzero(along)
-        degrees = [max(1, *self._degrees(phase, int(k))) for k in chosen]
-        for (n, degree), at in alike(
-            zip(points[chosen].tolist(), degrees, strict=True)
-        ):
-            if degree < n - 1:
-                nodes, weights = collocation(phase.scheme, n)
-                here = first[chosen[at], None] + np.arange(n)
-                wanted = _best(nodes, weights, degree, nodes)
-                settled[here] = wanted @ settled[here]
-        return settled
-
-    def _vertices(self, lower: FloatArray, upper: FloatArray) -> list[FloatArray]:
-        """Corners of the box of the controls that path constraints may determine.
-
-        None where there are no such controls, or too many, or one without bounds.
-        """
-        chosen = list(self.path_bound)
-        box = list(zip(lower[chosen], upper[chosen], strict=True))
-        if not 0 < len(box) <= _MOST_CORNERS or not np.all(np.isfinite(box)):
-            return []
-        return [np.array(corner) for corner in product(*box)]
-
-    def _vertex_gap(
-        self,
-        vertices: list[FloatArray],
-        u: FloatArray,
-        at: tuple[FloatArray, FloatArray, FloatArray],
-        costate: FloatArray,
-        table: Table,
-    ) -> FloatArray:
-        """Gap against the corners that keep the path constraints, shape (n,).
-
-        ``at``: states, times and parameters, with ``u`` all of n columns.
-        """
-        x, t, p = at
-        count = t.size
-        h, path = self.h.map(count), self.auditor.path.map(count)
-        bounds = self.auditor.path_bounds(table)
-        scale = self.auditor.path_scales(table)[:, None]
-
-        def broken(control: FloatArray) -> FloatArray:
-            values = np.asarray(path(x, control, t, p))
-            over = np.maximum(bounds[:, :1] - values, values - bounds[:, 1:])
-            return np.asarray((over / scale)[self.mixed].max(axis=0))
-
-        here = np.asarray(h(x, u, t, p, costate)).ravel()
-        allowed = np.maximum(broken(u), 0.0) + 1e-7
-        best = here.copy()
-        for vertex in vertices:
-            trial = u.copy()
-            trial[list(self.path_bound)] = vertex[:, None]
-            value = np.asarray(h(x, trial, t, p, costate)).ravel()
-            best = np.fmin(best, np.where(broken(trial) <= allowed, value, np.inf))
-        return np.asarray(here - best)
 
     def _blocked(self, phase: PhaseSolution, x: FloatArray, table: Table) -> FloatArray:
         """Sign of the direction in which each state may not move, else 0."""
@@ -412,35 +400,6 @@ class MinimumPrinciple:
         at_lower = x < pairs[:, :1] + near
         at_upper = x > pairs[:, 1:] - near
         return at_upper.astype(np.float64) - at_lower.astype(np.float64)
-
-
-def _best(
-    nodes: FloatArray, weights: FloatArray, degree: int, places: FloatArray
-) -> FloatArray:
-    """Matrix from values at ``nodes`` to the best approximation at ``places``.
-
-    The polynomial of that degree with the least squares weighted by the quadrature.
-    """
-    basis = legendre.legvander(2.0 * nodes - 1.0, degree)
-    weighted = basis.T * weights
-    fitted = np.linalg.solve(weighted @ basis, weighted)
-    return np.asarray(legendre.legvander(2.0 * places - 1.0, degree) @ fitted)
-
-
-def interpolated(
-    phase: PhaseSolution, places: tuple[float, ...], nodal: FloatArray
-) -> FloatArray:
-    """Values at fractions of each interval from values at the points."""
-    points = phase.mesh.points
-    first = np.cumsum(points) - points
-    out = np.zeros((len(points), len(places), nodal.shape[1]))
-    for n, chosen in alike(points):
-        from_nodes = np.linalg.inv(
-            bernstein_basis(n - 1, collocation(phase.scheme, n)[0])
-        )
-        matrix = bernstein_values(n - 1, places) @ from_nodes
-        out[chosen] = matrix @ nodal[first[chosen, None] + np.arange(n)]
-    return out
 
 
 def ranges(states: Any) -> FloatArray:  # noqa: ANN401

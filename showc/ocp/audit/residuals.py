@@ -17,13 +17,9 @@ from typing import TYPE_CHECKING, Any
 import casadi
 import numpy as np
 
+from showc.ocp.audit.costates import interpolated
 from showc.ocp.audit.integration import Flight, Integrator
-from showc.ocp.audit.optimality import (
-    MinimumPrinciple,
-    flat,
-    interpolated,
-    ranges,
-)
+from showc.ocp.audit.optimality import MinimumPrinciple, flat, ranges
 from showc.ocp.quantity import column
 from showc.trajectory import piece_values
 
@@ -50,6 +46,8 @@ _ALONE = 3.0
 """The greatest change of rates over the second one, if it is a jump and no slope."""
 _EVEN = 1e-3
 """Change of rates over their size that is none to speak of."""
+_AT_BOUND = 1e-6
+"""Share of a state's range within which a coefficient is at its bound."""
 _SHARES = 0.5 * np.diff(_PLACES, prepend=0.0) + 0.5 * np.diff(_PLACES, append=1.0)
 """Share of the interval that each place stands for."""
 
@@ -64,8 +62,12 @@ class PhaseAudit:
     """Fractions of each interval between which the dynamics jump; empty if nowhere."""
     objective_dynamics: FloatArray
     """Dual-weighted residual, in units of the objective, shape (K,)."""
-    objective_control: FloatArray
-    """Gap in the minimum principle, in units of the objective, shape (K,)."""
+    by_control: FloatArray
+    """Gap in the minimum principle, in units of the objective: by each control alone,
+    then by those in path constraints together, then by other valleys of the
+    Hamiltonian, shape (controls + 2, K)."""
+    better: FloatArray
+    """Times, and controls of the least Hamiltonian: shape (1 + controls, n)."""
     path: FloatArray
     """Greatest violation of a path constraint over its scale, shape (K,)."""
     path_places: tuple[tuple[float, ...], ...]
@@ -76,15 +78,25 @@ class PhaseAudit:
     """Share of each interval on which a path constraint is about at its bound."""
     worst_path: str
     """Which path constraint is violated most, and when; empty if none."""
+    clear: BoolArray
+    """Where no state and no path constraint comes to its bound, so that costates are
+    smooth, shape (K,)."""
     shooting: float = 0.0
     """Greatest error over range of one integration through the phase, once made."""
     shooting_end: FloatArray | None = None
     """State where that integration ends, shape (states,)."""
 
+    @property
+    def objective_control(self) -> FloatArray:
+        """Gap in the minimum principle, in units of the objective, shape (K,)."""
+        return np.asarray(self.by_control.sum(axis=0))
+
     def without_objective(self) -> PhaseAudit:
         """Return the audit of a phase that is worth nothing to the objective."""
         none = np.zeros_like(self.objective_dynamics)
-        return replace(self, objective_dynamics=none, objective_control=none)
+        return replace(
+            self, objective_dynamics=none, by_control=np.zeros_like(self.by_control)
+        )
 
 
 class PhaseAuditor:
@@ -112,7 +124,7 @@ class PhaseAuditor:
     def _flight(self, solution: Solution, table: Table) -> Flight:
         """Return what is integrated of one phase of ``solution``."""
         phase = solution.phases[self.index]
-        p = np.array([*solution.parameters.values(), *solution.statics.values()])
+        p = given(solution)
         reference = np.maximum(ranges(phase.states), self.least_range)
         bounds, domain = self.control_bounds(table), self.state_bounds(table)
         return Flight(phase, bounds, domain, p, np.asarray(reference))
@@ -139,16 +151,19 @@ class PhaseAuditor:
         residual += np.nan_to_num(flown.integrals, nan=1e9) @ phase.integral_prices
         path, path_places, path_names, active, worst = self._path(phase, p, table)
         unseen, jumps = self._features(phase, p, reference)
+        gap, better = self.principle.gap(phase, p, table, flown.deviation)
         return PhaseAudit(
             np.where(unseen > _UNSEEN * flown.deviation, unseen, flown.deviation),
             jumps,
             np.abs(residual),
-            self.principle.gap(phase, p, table, flown.deviation),
+            gap,
+            better,
             path,
             path_places,
             path_names,
             active,
             worst,
+            (active == 0.0) & self._clear(phase, table),
         )
 
     def control_bounds(self, table: Table) -> tuple[FloatArray, FloatArray]:
@@ -163,10 +178,19 @@ class PhaseAuditor:
         bounds = np.array(pairs).reshape(-1, 2)
         return bounds[:, 0], bounds[:, 1]
 
+    def _clear(self, phase: PhaseSolution, table: Table) -> BoolArray:
+        """Mark intervals on which no state comes to its bound, given ends aside."""
+        lower, upper = self.state_bounds(table)
+        points = phase.states.coefficients
+        near = _AT_BOUND * ranges(phase.states)
+        held = (points < lower + near) | (points > upper - near)
+        held[0, 0] = held[-1, -1] = False
+        return np.asarray(~held.any(axis=(1, 2)))
+
     def path_values(self, solution: Solution, times: FloatArray) -> FloatArray:
         """Values of the path constraints at ``times``: (constraints, n)."""
         phase = solution.phases[self.index]
-        p = np.array([*solution.parameters.values(), *solution.statics.values()])
+        p = given(solution)
         return np.asarray(
             self.path.map(times.size)(
                 phase.states(times).T,
@@ -273,6 +297,11 @@ class PhaseAuditor:
             for c, over in zip(most, greatest, strict=True)
         )
         return greatest, tuple(found), names, near @ _SHARES, worst
+
+
+def given(solution: Solution) -> FloatArray:
+    """Values of the parameters and statics of a solution, in one row."""
+    return np.array([*solution.parameters.values(), *solution.statics.values()])
 
 
 def _entries(slopes: Any) -> BoolArray:  # noqa: ANN401 - of casadi

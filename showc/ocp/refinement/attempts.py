@@ -159,7 +159,7 @@ class Attempts:
                 continue
             arcs = np.array(mesh.phases[i].arcs)
             for j, name in enumerate(phase.controls):
-                kinds = np.where(structure.leaning, 0, structure.classes)[arcs, j]
+                kinds = np.where(structure.fixed, structure.classes, 0)[arcs, j]
                 low, high = table["bounds", phase.name, name]
                 bounds.pop(name, None)
                 bounds[f"{phase.name}.{name}"] = (

@@ -281,7 +281,7 @@ class Graded(Collocated):
             name
             for j, (name, item) in enumerate(auditor.phase.controls.items())
             if item.degree is None
-            and not (equations and auditor.principle.path_bound[j])
+            and not (equations and auditor.principle.constrained.bound[j])
         )
         margin = None if equations else self.grading.margin
         return linear_mesh(breaks, points, free, margin)

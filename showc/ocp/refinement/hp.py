@@ -19,6 +19,7 @@ from showc.ocp.refinement.options import (
     EFFORT,
     EVEN,
     INNER_DEGREE,
+    LEAPS,
     LOOSE,
     OPEN,
     ROUGH,
@@ -29,6 +30,7 @@ from showc.ocp.refinement.options import (
 )
 from showc.ocp.refinement.proposal import (
     Proposal,
+    better_guess,
     halved,
     place_switches,
     plain_mesh,
@@ -60,6 +62,8 @@ class Hp(Collocated):
         self.loose = False
         """Whether the latest mesh was solved loosely: arcs cannot be read off it."""
         self.rescaled = False
+        self.leaps = LEAPS
+        """How often controls may still be put into other valleys."""
         self.even: tuple[int, ...] = EVEN
         """Even meshes that may still be tried."""
 
@@ -99,10 +103,9 @@ class Hp(Collocated):
             table=self.attempts.table,
             tolerance=self.options.tolerance,
             mended=mended,
+            structures=structures,
         )
-        return replace(
-            found, structures=tuple(structures), program=self.attempts.latest
-        )
+        return replace(found, program=self.attempts.latest)
 
     def take(self, proposal: Proposal, current: Judgement) -> Judgement | None:
         """Solve and judge a proposal; ``None`` if it is no step forward."""
@@ -264,6 +267,8 @@ class Hp(Collocated):
         Judgement or None
             ``None``: nothing better was found.
         """
+        if (elsewhere := self._in_other_valleys(current)) is not None:
+            return elsewhere
         proposal = self.arcs(current)
         if proposal is not None:
             number = len(self.history.records)
@@ -286,6 +291,35 @@ class Hp(Collocated):
         fresh = self.take(proposal, current)
         # A mesh that was no better tells little of what would be.
         return fresh or self._halved(current)
+
+    def _in_other_valleys(self, current: Judgement) -> Judgement | None:
+        """Start again where controls are in the lowest valleys of the Hamiltonian.
+
+        No search leads there from the others; ``None`` if that gave nothing better.
+        """
+        size, solution = objective_size(current.solution), current.solution
+        missed = sum(float(audit.by_control[-1].sum()) for audit in current.audits)
+        if self.leaps <= 0 or missed <= self.options.tolerance * size:
+            return None
+        self.leaps -= 1
+        words = "controls start again where the Hamiltonian is least"
+        self.history.note(solution, current, words)
+        former, self.attempts.former = self.attempts.former, None
+        fresh = self.attempts.attempt(
+            solution.mesh,
+            better_guess(solution, current.audits),
+            arcs=tuple(part.arc_durations for part in solution.phases),
+            structures=current.structures,
+        )
+        sign = -1.0 if self.problem.maximises else 1.0
+        gain = sign * (solution.objective - fresh.objective)
+        if fresh.result.usable and gain > self.options.tolerance * size:
+            judgement = self.judge(fresh, None, current.structures)
+            self.accept(judgement)
+            return judgement
+        self.history.note(fresh, None, "no better; back to the mesh before")
+        self.attempts.former = former
+        return None
 
     def _halved(self, current: Judgement) -> Judgement | None:
         """Solve a mesh with every interval halved, if programs of it are cheap."""

@@ -81,13 +81,16 @@ def judge(
     table: Table,
     tolerance: float,
     mended: bool,
+    structures: Sequence[Structure | None] = (),
 ) -> Judgement:
     """Audit a solution and turn the errors into indicators.
 
     The dual-weighted estimate of the objective's error is an upper bound in practice;
     where all flagged intervals have just been refined (``former`` is the mesh before,
     ``mended``) and the objective hardly moved, twice the greater of the last two moves
-    is the better estimate.
+    is the better estimate. Not so for a control that is held at its bound on an arc of
+    ``structures``, or in another valley of the Hamiltonian than the lowest: no
+    refinement moves it, whatever is lost by that.
     """
     audits = tuple(a.audit(solution, table) for a in auditors)
     size = objective_size(solution)
@@ -107,7 +110,12 @@ def judge(
         float(np.sum(a.objective_dynamics + _path_cost(auditor, p, table, a.path)))
         for auditor, a, p in zip(auditors, audits, solution.phases, strict=True)
     )
+    known = structures or (None,) * len(audits)
+    held = [
+        _held(a, p, s) for a, p, s in zip(audits, solution.phases, known, strict=True)
+    ]
     total = sum(float(part.sum()) for part in lost) / size
+    stuck = sum(float(part.sum()) for part in held) / size
     weight, move = 1.0, 0.0
     if former is not None:
         move = abs(solution.objective - former.solution.objective) / size
@@ -115,17 +123,19 @@ def judge(
         if mended and moved < total and _was_mended(former, solution):
             weight = max(moved / total, DISTRUST)
     indicators, suspects = [], []
-    for a, part in zip(audits, lost, strict=True):
-        plain = part / size * len(part) / (2.0 * CAUTION)
-        suspects.append(plain > tolerance)
-        share = weight * plain
+    counted = [weight * (p - h) + h for p, h in zip(lost, held, strict=True)]
+    estimate = weight * (total - stuck) + stuck
+    for a, part, taken in zip(audits, lost, counted, strict=True):
+        each = len(part) / (2.0 * CAUTION) / size
+        suspects.append(part * each > tolerance)
+        share = taken * each
         # Where a constraint is active all along, more points of it would only
         # contradict each other: a finer polynomial keeps it better.
         along = np.where(a.path_active > BOUNDARY_SHARE, a.path, 0.0)
         worst = np.maximum(np.maximum(a.dynamics, share), along)
         indicators.append(np.minimum(worst, HUGE) / tolerance)
     top = max(float(part.max()) for part in indicators)
-    if weight * total > CAUTION * tolerance and 0.0 < top <= 1.0:
+    if estimate > CAUTION * tolerance and 0.0 < top <= 1.0:
         # Many small shares add up to too much: the greatest are the ones to mend.
         indicators = [1.5 * part / top for part in indicators]
     left_open = solution.slack / sum(part.size for part in lost)
@@ -133,7 +143,7 @@ def judge(
         max(float(a.dynamics.max()) for a in audits),
         0.0,
         max(float(a.path.max()) for a in audits),
-        weight * total + solution.slack / size,
+        estimate + solution.slack / size,
     )
     must_cut = tuple(
         _limited(problem, solution, i, audit, tolerance)
@@ -143,14 +153,30 @@ def judge(
         solution,
         audits,
         error,
-        tuple((weight * part + left_open) / size for part in lost),
+        tuple((part + left_open) / size for part in counted),
         tuple(indicators),
         tuple(suspects),
         must_cut,
         () if former is None else _stubborn(solution, audits, former),
+        tuple(structures),
         moved=move,
         flattery=flattery / size,
     )
+
+
+def _held(
+    audit: PhaseAudit, part: PhaseSolution, structure: Structure | None
+) -> FloatArray:
+    """Gap by controls that no refinement moves, in the objective's unit, shape (K,).
+
+    Not where a state is at its bound: costates may jump there, and a finer mesh tells
+    them better.
+    """
+    found = np.asarray(audit.by_control[-1] * audit.clear)
+    if structure is not None:
+        held = structure.fixed[list(part.mesh.arcs)].T & audit.clear
+        found += (audit.by_control[:-2] * held).sum(axis=0)
+    return found
 
 
 def _stubborn(
@@ -238,6 +264,7 @@ def is_worse(problem: Problem, solution: Solution, former: Judgement) -> bool:
     size = objective_size(former.solution)
     left_open = former.solution.slack / size
     allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path, 3.0 * left_open)
+    allowed = max(allowed, 3.0 * former.flattery)
     return bool(loss / size > allowed)
 
 

@@ -68,6 +68,9 @@ ELSEWHERE = 0.02
 MOSTLY_PLAIN = 0.75
 """Share of the intervals that must have no switch for the others to tell whether a
 solution is about right."""
+LEAPS = 2
+"""How often controls are put into lower valleys of the Hamiltonian in one solve: what
+one start leaves, a second may mend."""
 SWITCH_TRIALS = 4
 """How often switch times are placed anew in one solve."""
 

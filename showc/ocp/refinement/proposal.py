@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.ocp.audit.optimality import objective_size, ranges
+from showc.ocp.audit.residuals import given
+from showc.ocp.guess import Curve, Data, Guess, curves_of
 from showc.ocp.history import Decision, Step
 from showc.ocp.mesh import Mesh, PhaseMesh
 from showc.ocp.nodes import fitting_points
@@ -31,12 +33,12 @@ from showc.ocp.refinement.refine import (
     refine,
     summary,
 )
-from showc.ocp.refinement.switches import border_reasons, detect
+from showc.ocp.refinement.switches import SAMPLED, border_reasons, detect
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from showc.arrays import FloatArray
+    from showc.arrays import FloatArray, IntArray
     from showc.ocp.audit.residuals import PhaseAudit, PhaseAuditor
     from showc.ocp.problem import Problem
     from showc.ocp.refinement.judgement import Judgement
@@ -69,9 +71,8 @@ class Proposal:
 
 def inner_degree(auditor: PhaseAuditor, control: int) -> int:
     """Degree of a control between its bounds; -1 for the points' own."""
-    loose = (
-        auditor.principle.affine[control] and not auditor.principle.path_bound[control]
-    )
+    principle = auditor.principle
+    loose = principle.affine[control] and not principle.constrained.bound[control]
     return INNER_DEGREE if loose else -1
 
 
@@ -85,8 +86,31 @@ def _structure(judgement: Judgement, auditor: PhaseAuditor, table: Table) -> Str
             partial(auditor.path_values, judgement.solution),
             auditor.path_bounds(table),
         ),
-        auditor.drives,
+        drives=auditor.drives,
+        preferred=_preferred(judgement, auditor, table),
     )
+
+
+def _preferred(
+    judgement: Judgement, auditor: PhaseAuditor, table: Table
+) -> IntArray | None:
+    """Bounds that controls held at others should be at, where that costs too much.
+
+    A short arc that a coarse mesh did not show is found so: in a longer one, no finer
+    mesh would.
+    """
+    number, solution = auditor.index, judgement.solution
+    structure = judgement.structures[number]
+    if structure is None:
+        return None
+    part = solution.phases[number]
+    fixed = structure.fixed[list(part.mesh.arcs)].T & judgement.audits[number].clear
+    fixed &= judgement.suspects[number]
+    if not fixed.any():
+        return None
+    wanted = auditor.principle.preferred(part, given(solution), table, SAMPLED)
+    wanted = wanted.reshape(*fixed.shape, SAMPLED.size)
+    return np.asarray(wanted * fixed[:, :, None], dtype=np.int64)
 
 
 def place_switches(
@@ -129,7 +153,7 @@ def place_switches(
         ]
         names = [constraint.name for constraint in auditor.phase.path_constraints]
         mesh, durations = arc_mesh(
-            part, structure, free, names, auditor.principle.entries
+            part, structure, free, names, auditor.principle.constrained.entries
         )
         meshes.append(mesh)
         arcs.append(durations)
@@ -256,6 +280,20 @@ def halved(judgement: Judgement) -> Proposal:
         ),
         "every interval halved",
     )
+
+
+def better_guess(solution: Solution, audits: Sequence[PhaseAudit]) -> Guess:
+    """Return a start with the states found and controls that audits found better."""
+    curves: dict[str, Curve] = {}
+    for part, audit in zip(solution.phases, audits, strict=True):
+        for name, curve in curves_of(part).items():
+            curves[f"{part.name}.{name}"] = curve
+        times, *rows = audit.better
+        for name, row in zip(part.control_names, rows, strict=True):
+            curves[f"{part.name}.{name}"] = Data(times, row)
+    durations = {part.name: part.duration for part in solution.phases}
+    starts = {part.name: part.start for part in solution.phases}
+    return Guess(curves, durations, starts, solution.statics)
 
 
 def _growth(solution: Solution, options: Options) -> float:

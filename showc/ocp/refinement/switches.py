@@ -30,6 +30,8 @@ PathValues = tuple[Callable[[FloatArray], FloatArray], Any]
 
 _SAMPLES = 16
 """Cells of an interval in which a switch is looked for."""
+SAMPLED = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+"""Middles of these cells as fractions of the interval."""
 _CONTROL_CLOSE = 0.02
 """Fraction of a control's range within which it counts as at its bound."""
 _CONTROL_TOUCHES = 1e-3
@@ -62,6 +64,11 @@ class Structure:
     leaning: BoolArray
     """Where a control is at its bound while a state that it drives is at its own, shape
     (arcs, controls)."""
+
+    @property
+    def fixed(self) -> BoolArray:
+        """Where a control is held at its bound, shape (arcs, controls)."""
+        return np.asarray((self.classes != 0) & ~self.leaning)
 
     def same_as(self, other: Structure) -> bool:
         """Whether both have the same sequence of arcs."""
@@ -137,7 +144,7 @@ def _grid(curve: PiecewisePolynomial) -> _Grid:
 
 
 def _sampled(curve: PiecewisePolynomial, grid: _Grid, component: int) -> FloatArray:
-    basis = bernstein_basis(curve.degree, (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
+    basis = bernstein_basis(curve.degree, SAMPLED)
     return np.asarray(
         (curve.coefficients[grid.intervals, :, component] @ basis.T).ravel()
     )
@@ -257,7 +264,9 @@ def detect(
     control_bounds: tuple[FloatArray, FloatArray],
     state_bounds: tuple[FloatArray, FloatArray],
     path: PathValues | None = None,
+    *,
     drives: BoolArray | None = None,
+    preferred: IntArray | None = None,
 ) -> Structure:
     """Read the arcs off a solution.
 
@@ -266,6 +275,9 @@ def detect(
     it: no border of an arc is its own.
     ``path`` gives the values of path constraints, shape (constraints, n), at times
     (n,), and their bounds, shape (constraints, 2).
+    ``preferred``: the bound at which each control should be, whatever it is, at
+    :data:`SAMPLED` of each interval: -1, 1, or 0 to leave it as it is; shape (controls,
+    K, places).
     """
     grid = _grid(phase.states)
     histories: list[list[_Run]] = []
@@ -274,6 +286,10 @@ def detect(
         values = _sampled(phase.controls, grid, j)
         lower, upper = control_bounds[0][j], control_bounds[1][j]
         kinds, fraction = _classify(values, lower, upper, _CONTROL_CLOSE)
+        if preferred is not None:
+            wanted = preferred[j, grid.intervals].ravel()
+            kinds = np.where(wanted != 0, wanted, kinds)
+            fraction = np.where(wanted != 0, 0.5 * (1 + wanted), fraction)
         kinds = _touching(kinds, fraction)
         runs = _simplify(_merge_equal(_runs(kinds, grid, fraction)))
         _balance(runs, grid, fraction)
