@@ -1,35 +1,52 @@
 """Exports that lie beside a log, proved against the log itself.
 
 Nothing is taken from their own manifests but the hashes: rules come from the log, and
-the written flights are held against the solved ones at every instant.
+the written flights are held against the solved ones at every instant. What a file holds
+besides (site, fence, names, parameters) is what the export makes of this log: it is
+written again, and compared.
 """
 
 from __future__ import annotations
 
+import json
+from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from itertools import islice
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mcap.reader import make_reader
 
+from showc.documents.archive import LARGEST_FILE, parse_json
 from showc.errors import DamagedFileError
 from showc.export.error import error_of
 from showc.export.fit import tracks_of
 from showc.export.lights import TOLERANCE as FADE
 from showc.export.pictures import RATE
+from showc.export.skyc import entries_of
 from showc.export.solved import solved_show
 from showc.export.stage import (
+    FORMATS,
     SAMPLED,
     WAITING,
     ExportOptions,
+    described,
     folder_for,
     kept_apart,
     rules_of,
 )
 from showc.export.tables import CSV_STEP
 from showc.export.takeoff import slowed
-from showc.files import open_file
-from showc.foreign.folder import MAPS, hashes, is_export, prove, read_manifest
+from showc.files import UnreadableFileError, open_file, read_file
+from showc.foreign.folder import (
+    MANIFEST,
+    MAPS,
+    hashes,
+    is_export,
+    prove,
+    read_manifest,
+    rules_to_json,
+)
 from showc.foreign.lights import FRAME, read_lights
 from showc.foreign.reading import read_show as read_foreign
 from showc.foreign.verdict import damaged
@@ -37,9 +54,11 @@ from showc.log.additions import digest_of
 from showc.log.reader import read_log
 from showc.log.schema import METADATA_NAME
 from showc.script import read_show
-from showc.verify.report import Check, Place
+from showc.verify.report import NAMED, Check, Place
+from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from showc.export.solved import SolvedShow
@@ -98,25 +117,28 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
         note = f"there is no export {folder.name!r} beside the log; compile again"
         return [_check("VRF583", "export of this log", where, [note])]
     try:
-        manifest = read_manifest(folder)
-        checks = [hashes(folder, manifest.files)]
-        wrong = []
-        if manifest.source != digest:
-            wrong.append("it was made from another log, by its manifest")
-        if manifest.format != wish.to:
-            wrong.append(f"its manifest says {manifest.format!r}")
+        checks = [hashes(folder, read_manifest(folder).files)]
+        usual = ExportOptions.usual(wish.to).lead
+        lead = round(usual if wish.lead is None else wish.lead, 3)
+        options = ExportOptions(lead, wish.tolerance, wish.separation)
+        again, flown = (
+            FORMATS[wish.to](solved, options),
+            kept_apart(solved, wish.separation),
+        )
+        rules = rules_of(solved, again.position_error, again.speed_error)
+        proved = prove(folder, wish.to, [rules], flown)
+        source = {"data_sha256": digest}
+        asked = described(solved, source, wish.to, again, rules_to_json(rules, flown))
+        wrong = [*_unlike(folder, again.files), *_said(folder, asked, proved)]
         checks.append(_check("VRF583", "export of this log", where, wrong))
-        flown = kept_apart(solved, wish.separation)
         if wish.to in MAPS:
-            return checks + prove(folder, wish.to, [rules_of(solved, 0.0, 0.0)], flown)
+            return checks + proved
         written = read_foreign(folder)
     except DamagedFileError as error:
         return list(damaged(folder, error).checks)
     if written.drones != solved.drones:
         note = f"it has {written.drones} flights, the log {solved.drones}"
         return [*checks, _check("VRF584", "flights of the log", where, [note])]
-    lead = ExportOptions.usual(wish.to).lead if wish.lead is None else wish.lead
-    lead = round(lead, 3)
     followed = slowed(solved, lead) if wish.to in WAITING else solved
     fit = error_of(tracks_of(followed), written.tracks, lead - followed.early)
     limit = max(wish.tolerance, SAMPLED.get(wish.to, 0.0))
@@ -135,8 +157,41 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
     )
     checks += _lit(written, solved, wish, lead, where)
     checks += _turned(written, followed, wish, lead, where)
-    asked = rules_of(solved, off.upper, fit.velocity.upper)
-    return checks + prove(folder, wish.to, [asked], flown)
+    return checks + proved
+
+
+def _unlike(folder: Path, wanted: Mapping[str, bytes]) -> Iterator[str]:
+    """Say which files are not those ``wanted``; archives may be packed otherwise."""
+    for name, content in wanted.items():
+        same = False
+        with suppress(UnreadableFileError, ValueError, RuntimeError):
+            found = read_file(folder / name, LARGEST_FILE)
+            same = found == content or (
+                content.startswith(b"PK") and entries_of(found) == entries_of(content)
+            )
+        if not same:
+            yield f"{name} is not what this release of showc writes of this log"
+
+
+def _said(
+    folder: Path, asked: Mapping[str, Any], proved: Sequence[Check]
+) -> Iterator[str]:
+    """Say what the manifest of an export has otherwise; figures of proofs aside."""
+    path = folder / MANIFEST
+    found = parse_json(read_file(path, LARGEST_FILE), str(path))
+    wanted = json.loads(json.dumps(asked))
+    wanted["proved"] = all(one.verdict != "fail" for one in proved)
+    wanted["checks"] = [{"code": one.code, "verdict": one.verdict} for one in proved]
+    try:
+        found["checks"] = [
+            {key: one[key] for key in ("code", "verdict")} for one in found["checks"]
+        ]
+        # The log may have another name by now; hashes are held against the files.
+        wanted["source"]["log"] = str(found["source"]["log"])
+        wanted["files"] = {name: found["files"][name] for name in wanted["files"]}
+    except (LookupError, TypeError):
+        yield f"{MANIFEST} lacks what every export says"
+    yield from islice(unlike(found, wanted, MANIFEST), NAMED)
 
 
 def _lit(

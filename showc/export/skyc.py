@@ -9,6 +9,7 @@ import zipfile
 import zlib
 from dataclasses import dataclass
 from functools import partial
+from io import BytesIO
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -133,6 +134,31 @@ def archive(entries: Iterable[Entry]) -> bytes:
         count += 1
     end = struct.pack("<4H2IH", 0, 0, count, count, len(index), len(out), 0)
     return bytes(out + index + b"PK\x05\x06" + end)
+
+
+def entries_of(content: bytes) -> list[tuple[str, bytes]]:
+    """Return names and contents of an archive, in order.
+
+    Raises
+    ------
+    ValueError
+        If it is none that :func:`archive` makes of packed contents.
+    """
+    found, packed = list[tuple[str, bytes]](), list[Entry]()
+    try:
+        with zipfile.ZipFile(BytesIO(content)) as opened:
+            for one in opened.infolist():
+                # Behind a head of 30 bytes and the name.
+                begin = one.header_offset + 30 + len(one.filename)
+                bare = content[begin : begin + one.compress_size]
+                packed.append(Entry(one.filename, bare, one.file_size, one.CRC))
+                found.append((one.filename, opened.read(one)))
+        whole = archive(packed)
+    except (zipfile.BadZipFile, zlib.error, struct.error, EOFError) as error:
+        raise ValueError(str(error)) from error
+    if whole != content:
+        raise ValueError("it holds more than its entries")
+    return found
 
 
 def _json(value: Any) -> bytes:  # noqa: ANN401 - any JSON

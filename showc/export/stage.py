@@ -409,22 +409,9 @@ def export(
                 folder, written, tuple(prove(fresh, form, [asked], flown))
             )
             manifest = {
-                "format_version": FORMAT_VERSION,
-                "showc": __version__,
-                "format": form,
-                "source": dict(source),
-                "show": show.rules.name,
-                "drones": show.drones,
-                "duration": round(written.duration, 3),
-                "fit": dict(written.fit),
-                "cannot_carry": list(written.lost),
-                "rules": rules_to_json(asked, flown),
+                **described(show, source, form, written, rules_to_json(asked, flown)),
                 "proved": exported.proved,
                 "checks": [check.to_json() for check in exported.checks],
-                "files": {
-                    name: sha256(content).hexdigest()
-                    for name, content in sorted(written.files.items())
-                },
             }
             text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
             write_through(fresh / MANIFEST, text.encode())
@@ -434,6 +421,32 @@ def export(
     except OSError as error:
         raise unwritable(folder, error) from error
     return exported
+
+
+def described(
+    show: SolvedShow,
+    source: Mapping[str, str],
+    form: str,
+    written: Written,
+    rules: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return what the manifest says of an export, its proof aside."""
+    return {
+        "format_version": FORMAT_VERSION,
+        "showc": __version__,
+        "format": form,
+        "source": dict(source),
+        "show": show.rules.name,
+        "drones": show.drones,
+        "duration": round(written.duration, 3),
+        "fit": dict(written.fit),
+        "cannot_carry": list(written.lost),
+        "rules": dict(rules),
+        "files": {
+            name: sha256(content).hexdigest()
+            for name, content in sorted(written.files.items())
+        },
+    }
 
 
 def refuse_foreign(folder: Path) -> None:

@@ -250,8 +250,8 @@ def hashes(folder: Path, listed: Mapping[str, str]) -> Check:
     found = {
         file.relative_to(folder).as_posix()
         for file in folder.rglob("*")
-        if file.is_file() and file.name != MANIFEST
-    }
+        if file.is_symlink() or not file.is_dir() or not any(file.iterdir())
+    } - {MANIFEST}
     notes = [f"{name} is missing" for name in sorted(set(listed) - found)]
     notes += [f"{name} is not in the manifest" for name in sorted(found - set(listed))]
     for name in sorted(found & set(listed)):

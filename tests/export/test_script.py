@@ -2,8 +2,11 @@
 
 import json
 import shutil
+import zipfile
 from dataclasses import replace
 from hashlib import sha256
+from io import BytesIO
+from unittest.mock import patch
 
 import pytest
 from click.testing import CliRunner
@@ -12,6 +15,7 @@ from showc.cli.compile import command
 from showc.cli.verify import command as verify
 from showc.errors import UsageError
 from showc.export.beside import verify_beside
+from showc.export.skyc import Entry, archive
 from showc.export.solved import solved_show
 from showc.export.stage import ExportOptions, export, refuse_foreign
 from showc.foreign.folder import verify_export
@@ -100,8 +104,10 @@ def beside(compiled, tmp_path):
     return tmp_path / "show.mcap"
 
 
-def failed(log):
-    return {check.code for check in verify_beside(log) if check.verdict == "fail"}
+def failed(log, form=""):
+    """Codes of checks that fail, of one format or of all."""
+    found = (one for one in verify_beside(log) if one.group.endswith(form))
+    return {check.code for check in found if check.verdict == "fail"}
 
 
 def test_verify_of_a_log_proves_the_exports_beside_it(beside):
@@ -136,6 +142,89 @@ def test_an_export_whose_manifest_was_made_to_agree_is_found_out(beside):
     assert failed(beside) >= {"VRF584"}
 
 
+def altered(log, form, name, change, words=len):
+    """Codes that fail with a file and the manifest changed, and a hash that fits."""
+    folder = log.with_name(f"{log.stem}-{form}")
+    path = folder / name
+    path.write_bytes(change(path.read_bytes()))
+    manifest = json.loads((folder / "export.json").read_text())
+    manifest["files"][name] = sha256(path.read_bytes()).hexdigest()
+    words(manifest)
+    (folder / "export.json").write_text(json.dumps(manifest))
+    return failed(log, form)
+
+
+@pytest.mark.parametrize(
+    ("form", "name", "change"),
+    [
+        ("skyb", "showmode.parm", lambda text: text + b"FENCE_ENABLE,0\n"),
+        ("kml", "show.kml", lambda text: text.replace(b"47.39", b"48.39")),
+    ],
+)
+def test_what_an_export_says_besides_flights_is_of_the_log(beside, form, name, change):
+    assert "VRF583" in altered(beside, form, name, change)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        lambda manifest: manifest.update(show="Another"),
+        lambda manifest: manifest.update(more=1),
+        lambda manifest: manifest["rules"].update(separation_flown=0.1),
+        lambda manifest: manifest["fit"].update(position_error_m=0.0),
+        lambda manifest: manifest["checks"][0].update(code="VRF999"),
+        lambda manifest: manifest["checks"].clear(),
+        lambda manifest: manifest.pop("cannot_carry"),
+        lambda manifest: manifest.update(checks={"a": 1}),
+    ],
+)
+def test_what_the_manifest_of_an_export_says_is_of_the_log(beside, words):
+    same = lambda content: content  # noqa: E731
+    assert altered(beside, "skyb", "showmode.parm", same) == set()
+    assert altered(beside, "skyb", "showmode.parm", same, words) == {"VRF583"}
+
+
+def test_what_lies_unseen_beside_an_export_is_found(beside):
+    for make in (lambda path: path.mkdir(), lambda path: path.symlink_to("/nowhere")):
+        make(beside.with_name("show-skyb") / "more")
+        assert failed(beside) == {"VRF581"}
+        shutil.rmtree(beside.with_name("show-skyb") / "more", ignore_errors=True)
+        (beside.with_name("show-skyb") / "more").unlink(missing_ok=True)
+    assert failed(beside) == set()
+
+
+def packed_again(content, change, more):
+    """The same archive, packed otherwise, with entries changed."""
+    with zipfile.ZipFile(BytesIO(content)) as one:
+        entries = [(name, change(name, one.read(name))) for name in one.namelist()]
+    with patch("showc.export.skyc.LEVEL", 1):
+        return archive([Entry.of(*entry) for entry in entries]) + more
+
+
+@pytest.mark.parametrize(
+    ("change", "more", "found"),
+    [
+        (lambda _, data: data, b"", set()),
+        (lambda _, data: data, b"x", {"VRF583"}),
+        (
+            lambda _, data: data.replace(b'"orientation":', b'"orientation":1'),
+            b"",
+            {"VRF583"},
+        ),
+        (lambda _, data: data.replace(b'"return"', b'"none"'), b"", {"VRF583"}),
+    ],
+)
+def test_a_show_file_is_of_the_log_however_it_is_packed(wished, change, more, found):
+    assert codes(wished, "skyc") == set()
+
+    def other(content):
+        return packed_again(content, change, more)
+
+    path = wished.with_name(f"{wished.stem}-skyc") / "show.skyc"
+    assert other(path.read_bytes()) != path.read_bytes()
+    assert altered(wished, "skyc", "show.skyc", other) == found
+
+
 @pytest.fixture(scope="module")
 def wished(tmp_path_factory):
     """A log that asks for every format with lights or yaw, and is without them yet."""
@@ -152,13 +241,13 @@ def wished(tmp_path_factory):
 
 def codes(log, form, **changed):
     """Failures of one format after it was written of a changed show."""
-    source = {"data_sha256": digest_of(log)}
-    show = replace(solved_show(read_log(log)), **changed)
+    source = {"log": log.name, "data_sha256": digest_of(log)}
+    logged = read_log(log)
+    show = replace(solved_show(logged, logged.read_script().show), **changed)
     folder = log.with_name(f"{log.stem}-{form}")
     options = ExportOptions.usual(form)
     export(show, source, form, folder, options)
-    found = [one for one in verify_beside(log) if one.group == f"export {form}"]
-    return {one.code for one in found if one.verdict == "fail"}
+    return failed(log, form)
 
 
 @pytest.mark.parametrize("form", MORE)
@@ -166,10 +255,10 @@ def test_an_export_with_other_lights_is_found_out(wished, form):
     """Written by the export itself, of the same flight and log in other colours."""
     solved = solved_show(read_log(wished))
     assert codes(wished, form) == set()
-    assert codes(wished, form, lights=solved.lights // 2) == {"VRF585"}
+    assert codes(wished, form, lights=solved.lights // 2) == {"VRF583", "VRF585"}
     late = solved.lights.copy()
     late[: late.shape[0] // 2] = 0
-    assert codes(wished, form, lights=late) == {"VRF585"}
+    assert codes(wished, form, lights=late) == {"VRF583", "VRF585"}
 
 
 @pytest.mark.parametrize("form", ["skyc", "skyb"])
