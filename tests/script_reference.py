@@ -18,30 +18,48 @@ _HEAD = f"""# Show scripts
 
 <!-- Made from the program's own table; `make docs` writes it anew. -->
 
-A show script is a YAML file in UTF-8 that describes a show from the ground to the
-ground. This page lists every key of format version {FORMAT_VERSION}. An editor that
-knows JSON Schema completes and checks them: `showc schema` prints the schema, and the
+A show script is a YAML file in UTF-8 that describes a show from take-off to landing.
+Most keys have defaults, so that a short script is complete:
+
+```yaml
+showc: 1
+drones: 16
+formations:
+  ring: {{type: circle, radius: 10, centre: [0, 0, 25], colour: gold}}
+transitions:
+  - {{to: ring, hold: 5}}
+```
+
+The [guide](guide.md) introduces the keys by task, the [gallery](gallery.md) by
+pictures. This page lists every key of format version {FORMAT_VERSION}. Editors that
+know JSON Schema complete and check them. `showc schema` prints the schema, and the
 first line of a script names it:
 
 ```yaml
 # yaml-language-server: $schema=show.schema.json
 ```
 
-**Frame.** Positions are in metres from the site's origin: x to the right, y ahead along
-the site's heading, z up. With heading 0 that is east, north, up. The ground is z = 0.
+**Show frame.** Positions are in metres from the site's origin: x to the right, y ahead
+along the site's heading, z up. With heading 0 these are east, north and up. The ground
+is at z = 0.
 
-**Quantities.** A plain number is in the unit its key documents. A text may carry any
-unit of the same kind: `"20 deg"`, `0.35 rad`, `18 km/h`, `250 g`. Anything else is
-refused. The units are:
+**YAML.** A *mapping* has keys and values: `{{to: ring, hold: 5}}` in braces, or one key
+a line, indented. A *list* has elements: `[0, 0, 25]` in brackets, or one element a
+line, each after a dash.
+
+**Quantities.** A number without a unit is in the unit that its key documents. Other
+units of the same kind may be written with the number: `20 deg`, `0.35 rad`, `18 km/h`,
+`250 g`. The units are:
 """
 
 _FORMATIONS = """
 ## Formations
 
-A formation has a `type` with keys of its own, or is `like` another formation, or is
-made of `parts`. It is drawn about its own origin, changed by `transform` in order, put
-at `centre`, and checked against its `spacing`. Places are numbered from 1 in the order
-each type documents; with a fixed assignment drone 1 flies to place 1.
+A formation has a `type` with keys of its own, or is `like` another formation, or
+consists of `parts`. A bare name stands for `like`. showc draws the formation about its
+own origin, applies the changes in `transform`, moves it to `centre`, and checks its
+`spacing`. Places are numbered from 1 in the order that each type documents. With a
+fixed assignment, drone 1 flies to place 1.
 """
 
 _ORDER = (
@@ -108,7 +126,8 @@ def _default(field: Field) -> str:
     if field.default_text:
         return _cell(field.default_text)
     if field.default is None or field.default == {}:
-        return "see below" if field.default == {} else "none"
+        named = isinstance(field.kind, Section) and field.default == {}
+        return f"see [`{field.key}`](#{field.kind.name})" if named else "none"
     if isinstance(field.default, str):
         return f"`{field.default}`"
     return f"`{json.dumps(field.default)}`"

@@ -40,8 +40,7 @@ SECTION = Section(
         Field(
             "arc",
             Quantity("deg", minimum=0.0, maximum=360.0, positive=True),
-            "Angle that the places span; on less than the whole turn both ends have "
-            "a place.",
+            "Angle that the places span. An arc has a place at each end.",
             default=360.0,
         ),
         plane_field("horizontal"),

@@ -30,9 +30,9 @@ MAX_COLUMNS = 100
 
 SECTION = Section(
     "csv",
-    "Places from a CSV file, in the show frame: columns x, y, z in metres and, if "
-    "wanted, red, green, blue from 0 to 255. A first line with these names is optional "
-    "for x, y, z. The separator is a comma, semicolon or tab.",
+    "Places from a CSV file, show frame: columns x, y, z in metres, and optionally "
+    "red, green, blue from 0 to 255. Without colours, the head line may be missing. "
+    "Columns are separated by commas, semicolons or tabs.",
     (Field("file", File((".csv", ".tsv", ".txt")), "The table.", required=True),),
 )
 

@@ -33,7 +33,7 @@ SECTION = Section(
         Field(
             "draw",
             Choice(("edges", "faces", "inside")),
-            "Where the places are. Edges have a place at every corner first.",
+            "Where to put the places. Edges begin with a place at every corner.",
             default="edges",
         ),
     ),

@@ -27,9 +27,9 @@ SCENES = (".gltf", ".glb")
 FILE = File((".csv", ".tsv", ".txt", *SCENES))
 SECTION = Section(
     "frames",
-    "Where an animation begins, in the show frame. A table has the columns time [s], "
-    "place (from 1), x, y and z [m]; in a glTF each node that moves is a place, in the "
-    "file's order. The motion `follow` plays the rest.",
+    "The places at which an animation begins, show frame. A table has the columns time "
+    "[s], place (from 1), x, y and z [m]. Each node of a glTF that moves is a place, in "
+    "file order. The motion `follow` plays the animation.",
     (Field("file", FILE, "The table or scene.", required=True),),
 )
 COLUMNS = ("time", "place", "x", "y", "z")

@@ -32,8 +32,8 @@ the usual separation."""
 
 SECTION = Section(
     "grid",
-    "Rows and columns of places, in layers where asked. Place 1 is the left end of "
-    "the first (lowest or nearest) row; places run along the row, then row by row.",
+    "Rows and columns of places, in one or more layers. Place 1 is the left end of "
+    "the first (lowest or nearest) row. Places run along the row, then row by row.",
     (
         Field(
             "rows",

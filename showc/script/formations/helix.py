@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 SECTION = Section(
     "helix",
-    "Places evenly spaced along strands that wind upwards about the vertical axis.",
+    "Places evenly spaced along strands that wind up around the vertical axis.",
     (
         Field(
             "radius",
@@ -32,8 +32,8 @@ SECTION = Section(
         Field(
             "turns",
             Quantity(minimum=-100.0, maximum=100.0),
-            "Turns from bottom to top, counter-clockwise seen from above; negative: "
-            "clockwise.",
+            "Turns from bottom to top, counter-clockwise seen from above. Negative "
+            "turns are clockwise.",
             default=2.0,
         ),
         Field("strands", Integer(1, 20), "Number of strands.", default=1),

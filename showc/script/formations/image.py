@@ -38,26 +38,26 @@ _FORMATS = ("PNG", "JPEG", "WEBP", "GIF", "BMP")
 
 SECTION = Section(
     "image",
-    "Places spread evenly over the parts of a picture that count, in the picture's "
-    "colours.",
+    "Places spread evenly over the bright, dark or opaque parts of an image, in the "
+    "image's colours.",
     (
         Field(
             "file",
             File((".png", ".jpg", ".jpeg", ".webp", ".gif", ".bmp")),
-            "The picture.",
+            "The image.",
             required=True,
         ),
         Field(
             "height",
             Quantity("m", minimum=0.1, maximum=1000.0),
-            "Height of the part that counts.",
+            "Height of these parts.",
             default=20.0,
         ),
         Field(
             "keep",
             Choice(("bright", "dark", "opaque")),
-            "Which pixels count: those brighter than the threshold, those darker, or "
-            "those that are not transparent. Transparent pixels never count.",
+            "Which pixels to use: those brighter than the threshold, those darker, or "
+            "all that are not transparent. Transparent pixels are never used.",
             default="bright",
         ),
         Field(

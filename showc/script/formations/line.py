@@ -36,7 +36,7 @@ SECTION = Section(
                     Items(Quantity(minimum=-1e3, maximum=1e3), 3, 3),
                 )
             ),
-            "Direction of the line in the show frame; its length does not matter.",
+            "Direction of the line, show frame. Its length does not matter.",
             default="x",
         ),
     ),

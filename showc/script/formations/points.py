@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SECTION = Section(
     "points",
-    "Places written out, in the show frame.",
+    "Places listed one by one, show frame.",
     (
         Field(
             "points",

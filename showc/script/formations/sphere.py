@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 SECTION = Section(
     "sphere",
-    "Places spread evenly over a sphere, from the bottom spiralling to the top "
-    "(Fibonacci lattice).",
+    "Places spread evenly over a sphere, in a spiral from bottom to top (Fibonacci "
+    "lattice).",
     (
         Field(
             "radius",

@@ -40,8 +40,8 @@ MAX_CHANGES = 4_000_000
 
 SECTION = Section(
     "svg",
-    "The curves of an SVG drawing, followed by places or filled with them, in the "
-    "drawing's colours.",
+    "Places along the curves of an SVG drawing, or inside them, in the drawing's "
+    "colours.",
     (
         Field("file", File((".svg",)), "The drawing.", required=True),
         Field(
@@ -53,7 +53,7 @@ SECTION = Section(
         Field(
             "draw",
             Choice(("outline", "inside")),
-            "Whether places lie along the curves or inside closed ones.",
+            "Where places lie: along the curves, or inside closed ones.",
             default="outline",
         ),
         plane_field("front"),

@@ -39,12 +39,12 @@ _FARTHEST = 1e6
 
 SECTION = Section(
     "text",
-    "Letters of a font, written, outlined or filled with places.",
+    "Text, with places along its strokes, along its outline, or inside it.",
     (
         Field(
             "text",
             Text(100),
-            "What to write; `\\n` in double quotes begins a new line.",
+            "The text. `\\n` in double quotes begins a new line.",
             required=True,
             examples=("HI", "2025"),
         ),
@@ -64,8 +64,8 @@ SECTION = Section(
         Field(
             "draw",
             Choice(("centreline", "outline", "inside")),
-            "Where places lie: along the middle of the strokes, as a pen would go; "
-            "along the letters' outline; or all over their inside.",
+            "Where places lie: along the middle of the strokes, as a pen would write; "
+            "along the outline of the letters; or all over their inside.",
             default="centreline",
         ),
         plane_field("front"),

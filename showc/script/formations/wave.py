@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SECTION = Section(
     "wave",
-    "A level grid of rows and columns whose height runs through a sine.",
+    "A horizontal grid of rows and columns whose heights follow a sine wave.",
     (
         *(field for field in grid.SECTION.fields if field.key != "plane"),
         Field(
@@ -35,13 +35,13 @@ SECTION = Section(
         Field(
             "phase",
             Quantity("deg", minimum=-3600.0, maximum=3600.0),
-            "Phase in the middle.",
+            "Phase in the middle of the grid.",
             default=0.0,
         ),
         Field(
             "direction",
             Items(Quantity(minimum=-1e3, maximum=1e3), 2, 2),
-            "Direction `[x, y]` in which the wave runs; its length does not matter.",
+            "Direction `[x, y]` in which the wave runs. Its length does not matter.",
             default=[1, 0],
         ),
     ),
