@@ -412,7 +412,7 @@ class _Solver:
                 drone = int(leg.drones[int(np.argmin(clearance))])
                 raise SolveError(
                     f"{self.where}: drone {drone + 1} in {formation!r} is "
-                    f"{clearance.min():.2f} m within the fence, the margin is "
+                    f"{clearance.min():.2f} m within the fence; the margin is "
                     f"{self.fence.margin:.2f} m; move the formation or the fence"
                 )
             parked = leg.others_parked

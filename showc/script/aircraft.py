@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import ScriptError
-from showc.script.wording import number_text
+from showc.script.wording import measured_text, number_text
 from showc.vehicle import (
     PRESETS,
     Battery,
@@ -174,7 +174,7 @@ def tracking_of(
     if not sound:
         reader.say(
             "SHW122",
-            f"`{name}` holds no tube of at most {MOST_TRACKING:g} m",
+            f"`{name}` has no tube of at most {MOST_TRACKING:g} m",
             mark,
             help_text="`showc simulate` writes such a file, beside the log of the show",
         )
@@ -182,10 +182,10 @@ def tracking_of(
     if share < SURE:
         reader.say(
             "SHW122",
-            f"the tube in `{name}` holds {100.0 * share:.2f} % of flights surely, "
-            f"expected {100.0 * SURE:g} %",
+            f"the tube in `{name}` is sure to hold only {100.0 * share:.2f} % of "
+            f"flights; expected {100.0 * SURE:g} %",
             mark,
-            help_text="raise `--runs` of `showc simulate`: 2995 flights of single "
+            help_text="increase `--runs` of `showc simulate`: 2995 flights of single "
             "drones are enough",
         )
         return 0.0
@@ -225,12 +225,12 @@ def _can_hover(
     mass = number_text(vehicle.mass)
     reader.say(
         "SHW207",
-        f"hovering takes {number_text(weight)} N, the "
+        f"hovering needs {measured_text(weight)} N; the "
         f"{'least' if low else 'greatest'} thrust is {number_text(limit)} N",
         span,
         notes=(
-            f"the weight of {mass} kg is {number_text(weight)} N",
-            f"the rotors give {number_text(vehicle.thrust_max)} N at most",
+            f"the weight of {mass} kg is {measured_text(weight)} N",
+            f"the rotors produce at most {measured_text(vehicle.thrust_max)} N",
         ),
         help_text="change the thrust limits, the mass, or the rotors",
     )

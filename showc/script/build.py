@@ -119,9 +119,9 @@ class Builder:
             if name in self.table:
                 self.reader.say(
                     "SHW111",
-                    f"there is a formation `{name}` besides the key `{key}`",
+                    f"`{key}` is defined here, and a formation is called `{name}`",
                     self.table[name].key_mark,
-                    help_text=f"write `{key}: {name}` to use it, or rename it",
+                    help_text=f"write `{key}: {name}` to use that one, or rename it",
                 )
             self.table[name] = setting
             return name
@@ -303,8 +303,8 @@ class Builder:
             if other is not None and len(other.points) != len(formation.points):
                 self.reader.say(
                     "SHW205",
-                    f"`{formation.name}` has {len(formation.points)} places, "
-                    f"`{name}`, which it becomes, {len(other.points)}",
+                    f"`{formation.name}` has {len(formation.points)} places, but "
+                    f"becomes `{name}` with {len(other.points)}",
                     written.mark,
                     help_text="give both the same number of places",
                 )
@@ -312,11 +312,11 @@ class Builder:
             if isinstance(one, Follow) and one.frames.shape[1] != len(formation.points):
                 self.reader.say(
                     "SHW205",
-                    f"`{formation.name}` has {len(formation.points)} places, "
-                    f"`{one.file}`, which it follows, {one.frames.shape[1]}",
+                    f"`{formation.name}` has {len(formation.points)} places, but "
+                    f"follows `{one.file}` with {one.frames.shape[1]}",
                     settings.mark_of("motion"),
-                    help_text="give both the same number of places: a formation of "
-                    f"`type: frames` with `file: {one.file}` has those of the first",
+                    help_text="give both the same number of places: "
+                    f"`{{type: frames, file: {one.file}}}` has those of the file",
                 )
                 return ()
         return tuple(motion)
@@ -345,7 +345,7 @@ class Builder:
         if at is not None and start is not None and duration is not None:
             self.reader.say(
                 "SHW111",
-                "`at`, `start` and `duration` exclude each other",
+                "`at`, `start` and `duration` cannot stand together",
                 settings.values["duration"].key_mark,
                 help_text="give two of them; the third follows",
             )
@@ -357,7 +357,7 @@ class Builder:
                     "the move arrives before it starts",
                     settings.mark_of("at"),
                     secondary=(Label(settings.mark_of("start"), "the start"),),
-                    help_text="let `at` be later than `start`",
+                    help_text="`at` must be later than `start`",
                 )
                 return at, None, None
         return at, start, duration

@@ -22,7 +22,7 @@ from showc.script.lanes import (
 )
 from showc.script.moving import moving_places
 from showc.script.spacing import closest_between
-from showc.script.wording import number_text, point_text
+from showc.script.wording import counted, number_text, point_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -71,20 +71,20 @@ def _parking(sketch: Sketch) -> Iterator[Diagnostic]:
                 "SHW206",
                 f"place {pair.first + 1} of the parking `{parking.name}` is "
                 f"{number_text(pair.distance)} m from place {pair.second + 1} of "
-                f"`{formation.name}`, the separation is "
+                f"`{formation.name}`; the separation is "
                 f"{number_text(sketch.separation.distance)} m",
                 parking.mark,
-                secondary=(Label(formation.mark, "the picture"),),
-                help="park further away",
+                secondary=(Label(formation.mark, "the formation"),),
+                help="move the parking further away",
                 spot=Spot(formation.name, (pair.second,)),
             )
     if needs is not None and len(parking.points) < most:
         yield Diagnostic(
             "SHW205",
-            f"the parking `{parking.name}` has {len(parking.points)} places, {most} "
-            "drones wait there",
+            f"the parking `{parking.name}` has "
+            f"{counted(len(parking.points), 'place')} for {counted(most, 'drone')}",
             parking.mark,
-            secondary=(Label(needs.mark_of("to"), "during this picture"),),
+            secondary=(Label(needs.mark_of("to"), "during this move"),),
             help="add places to the parking",
         )
 
@@ -267,7 +267,7 @@ def _standing_by(sketch: Sketch) -> Iterator[Diagnostic]:
                     "SHW208",
                     f"place {pair.first + 1} of `{formation.name}` (group "
                     f"`{transition.group}`) is {number_text(pair.distance)} m from "
-                    f"drone {drone + 1}, which waits there, the separation "
+                    f"drone {drone + 1}, which waits there; the separation "
                     f"is {number_text(separation.distance)} m",
                     transition.mark,
                     notes=(f"the drone stands at {point_text(places[drone])}",),

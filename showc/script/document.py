@@ -164,7 +164,7 @@ def parse_document(
 
 def _decode(content: bytes, path: str) -> tuple[str, list[Diagnostic]]:
     if len(content) > MAX_BYTES:
-        message = f"the script has {len(content)} bytes, at most {MAX_BYTES} are read"
+        message = f"the script has {len(content)} bytes; at most {MAX_BYTES} are read"
         return "", [
             Diagnostic(
                 "SHW008",

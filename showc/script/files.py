@@ -100,8 +100,8 @@ class InputFiles:
                 "SHW109",
                 f"`{name}` cannot be read: {fault.reason}",
                 key=key,
-                help_text="put it beside the script, or give the option "
-                "--allow-outside if it may lie elsewhere"
+                help_text="put it beside the script, or allow files elsewhere with "
+                "--allow-outside"
                 if isinstance(fault, OutsideFolderError)
                 else self._near(name),
             ) from None

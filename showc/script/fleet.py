@@ -44,7 +44,7 @@ def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | No
     if not settings.broken and all(gallery.settings(name) for name in names):
         reader.say(
             "SHW115",
-            "the number of drones is not given",
+            "the number of drones is missing",
             settings.mark,
             help_text="add `drones: 16`, or a `count` to a formation",
         )
@@ -117,7 +117,7 @@ def groups_of(
         if beyond:
             reader.say(
                 "SHW116",
-                f"the group `{name}` names drone {beyond[0]}, the fleet has {drones}",
+                f"the group `{name}` names drone {beyond[0]}; the fleet has {drones}",
                 mark,
                 help_text="drones are numbered from 1",
             )
@@ -134,7 +134,7 @@ def groups_of(
                     secondary=(Label(written[other][1], "here too"),)
                     if other != name
                     else (),
-                    help_text="a drone is in one group at most",
+                    help_text="a drone can be in one group only",
                 )
                 break
             owner[drone] = name

@@ -76,7 +76,7 @@ def effect_of(settings: Settings, music: Music | None) -> Effect:
         if music is None or music.bpm is None:
             raise ScriptError(
                 "SHW121",
-                "the effect counts beats, and the music has no tempo",
+                "the effect counts beats, but the music has no tempo",
                 key="effect",
                 help_text="add `music: {bpm: 120}`",
             )
@@ -309,14 +309,14 @@ class Gallery:
         if count > MAX_PLACES:
             raise ScriptError(
                 "SHW119",
-                f"a formation of {count} places, at most {MAX_PLACES} are drawn",
+                f"a formation of {count} places; at most {MAX_PLACES} are drawn",
             )
         self._spent += count
         if self._spent > MAX_DRAWN:
             raise ScriptError(
                 "SHW119",
                 f"the formations up to here, parts included, have {self._spent} "
-                f"places, at most {MAX_DRAWN} are drawn",
+                f"places; at most {MAX_DRAWN} are drawn",
             )
 
     def _lifts(self, settings: Settings) -> bool:

@@ -107,8 +107,8 @@ def _unseen(sketch: Sketch) -> Iterator[Diagnostic]:
         written = asked[index].sections("lights")
         yield Diagnostic(
             "SHW220",
-            f"a light comes {number_text(time)} s after `{one.to}` stands, which is "
-            f"held for {number_text(round(longest, 3))} s at most",
+            f"a light comes {number_text(time)} s into the hold of `{one.to}`, which "
+            f"lasts {number_text(round(longest, 3))} s at most",
             written[at].mark if written else asked[index].mark_of("lights"),
             notes=(f"{counted(len(late), 'moment')} of `lights` are never seen",)
             if len(late) > 1

@@ -123,7 +123,7 @@ def _no_length(text: str) -> ScriptError:
 def _no_tempo(text: str) -> ScriptError:
     return ScriptError(
         "SHW121",
-        f"`{text}` counts beats, and the music has no tempo",
+        f"`{text}` counts beats, but the music has no tempo",
         help_text="add `music: {bpm: 120}`",
     )
 
@@ -139,7 +139,7 @@ def parse_instant(text: str) -> Instant:
     whole = text.strip()
     if len(whole) > _LONGEST:
         raise ScriptError(
-            "SHW103", f"{len(whole)} characters are no time", help_text=FORMS
+            "SHW103", f"{len(whole)} characters are not a time", help_text=FORMS
         )
     head, shift, unit = whole, 0.0, "s"
     match = _SHIFTED.fullmatch(whole)
@@ -200,7 +200,7 @@ def _term(text: str) -> tuple[Base, float, float, str]:
             raise ScriptError(
                 "SHW103",
                 f"`{text}`: a bar is a whole number",
-                help_text=f"the beat has a word of its own: `bar {whole} beat {part}`",
+                help_text=f"write the beat separately: `bar {whole} beat {part}`",
             )
         return "bar", bar, beat, ""
     match = _BEAT.fullmatch(text)
@@ -264,7 +264,7 @@ def _time_code(match: re.Match[str]) -> float:
     if frames >= RATES[rate]:
         raise ScriptError(
             "SHW103",
-            f"`{match.group()}`: a second has {rate} frames, from 0",
+            f"`{match.group()}`: frames go from 0 to {RATES[rate] - 1}",
             help_text=FORMS,
         )
     return count + frames / RATES[rate]
@@ -298,7 +298,7 @@ def music_time(instant: Instant, music: Music | None) -> float:
         raise ScriptError(
             "SHW103",
             f"`{instant.text}`: the beats of a bar are 1 to {music.beats_per_bar}",
-            help_text="count on in the next bar, or change `beats_per_bar`",
+            help_text="count in the next bar, or change `beats_per_bar`",
         )
     beat = 60.0 / music.bpm if music is not None and music.bpm is not None else 0.0
     bar = beat * (music.beats_per_bar if music is not None else 0)
@@ -369,7 +369,7 @@ def read_cues(content: bytes, name: str) -> list[tuple[str, Instant]]:
                 continue
         found.append(_row(cells, columns, taken, f"`{name}`, line {number}"))
     if not found:
-        raise ScriptError("SHW110", f"`{name}` has no cue")
+        raise ScriptError("SHW110", f"`{name}` has no cues")
     return found
 
 

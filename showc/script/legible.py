@@ -101,12 +101,12 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
             enough += f" and `height: {number_text(float(larger))}`"
         yield Diagnostic(
             "SHW216",
-            f"the text of `{name}` cannot be read: its letters are "
+            f"the text of `{name}` is illegible: its letters are "
             f"{number_text(round(stem, 1))} m high, its places "
             f"{number_text(round(apart, 1))} m apart",
             own.mark_of("text"),
-            notes=(f"{len(points)} drones write it",),
-            help=f"use {enough}, or write less",
+            notes=(f"it has {len(points)} drones",),
+            help=f"use {enough}, or a shorter text",
             spot=Spot(name, ()),
             severity=Severity.WARNING,
         )
@@ -163,7 +163,7 @@ def _mirrored(sketch: Sketch) -> Iterator[Diagnostic]:
             "SHW218",
             f"`{name}` is mirrored for the audience {names}",
             own.mark_of("transform") if "transform" in own else formation.mark,
-            notes=(f"it reads from the side of {_side(facing)}",),
+            notes=(f"it is readable from the side of {_side(facing)}",),
             help=help_text,
             spot=Spot(name, ()),
             severity=Severity.WARNING,

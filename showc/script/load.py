@@ -111,7 +111,7 @@ def load_show(path: str | Path, *, allow_outside: bool = False) -> LoadResult:
             "SHW010",
             f"`{name}` cannot be read: {reason}",
             None,
-            help="give the option --allow-outside if the script may lie elsewhere"
+            help="allow scripts behind links with --allow-outside"
             if linked
             else "give the path of a show script",
         )
@@ -200,9 +200,9 @@ def _bounded(found: Sequence[Diagnostic], path: str) -> tuple[Diagnostic, ...]:
     chosen = chosen[:MAX_FOUND]
     more = Diagnostic(
         "SHW119",
-        f"there are {MAX_FOUND} findings or more; the rest is left out",
+        f"there are {MAX_FOUND} findings or more; the others are not shown",
         Mark(path, 1, 1, 1, 2),
-        help="mend the first ones and check again",
+        help="correct these first, and check again",
         severity=chosen[0].severity,
     )
     return (*sorted(chosen, key=position), more)
@@ -214,13 +214,13 @@ def _syntax(found: list[Diagnostic]) -> bool:
 
 
 def _no_script(path: str, root: Node | None) -> Diagnostic:
-    what = "is empty" if root is None else "is no mapping of keys"
+    what = "is empty" if root is None else "is not a mapping of keys"
     mark = Mark(path, 1, 1, 1, 2)
     return Diagnostic(
         "SHW011",
         f"the script {what}",
         mark,
-        help="start from the one that `showc init` writes",
+        help="start from the script that `showc init` writes",
     )
 
 
@@ -235,10 +235,10 @@ def _build(
             # Nothing is known of the keys of another version.
             reader.say(
                 "SHW108",
-                f"the script has format version {shortened(number)}, this showc reads "
+                f"the script has format version {shortened(number)}; this showc reads "
                 f"version {FORMAT_VERSION}",
                 version.value.mark,
-                help_text="use the showc that belongs to the script",
+                help_text="use the showc for which the script was written",
             )
             return None, reader.found
     settings = reader.section(SECTIONS["show"], root, start)

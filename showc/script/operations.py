@@ -38,7 +38,7 @@ UNEVEN = 1.0
 NETWORK = 250
 """Vehicles that one MAVLink network can address."""
 BATTERY = 720.0
-"""Time that batteries of show drones surely last [s]."""
+"""Time that batteries of show drones reliably last [s]."""
 CRAZYFLIE_REACH = 32.767
 """Furthest coordinate of a Crazyflie's compressed trajectory, 16 bits of 1 mm [m]."""
 FLOWN = (6.0, 3.0, 3.8)
@@ -101,7 +101,7 @@ def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
                 "above the ground, more than the usual ceiling of "
                 f"{number_text(CEILING)} m",
                 formation.mark,
-                "fly lower, or ignore this finding in a comment that names the "
+                "fly lower, or ignore this finding with a comment that names the "
                 "authorisation",
                 notes=(f"{int(np.sum(heights > CEILING))} places are above it",),
             )
@@ -115,7 +115,7 @@ def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
                 f"above the ground, below {number_text(LEVEL_FLOOR)} m",
                 formation.mark,
                 "raise the formation",
-                notes=("autopilots of shows refuse level flight below that height",),
+                notes=("show autopilots refuse to fly sideways below that height",),
             )
     for key in ("launch", "landing"):
         if key not in sketch.settings.values:
@@ -126,7 +126,7 @@ def _heights(sketch: Sketch) -> Iterator[Diagnostic]:
         height = number_text(section.number("altitude"))
         yield _warning(
             "SHW302",
-            f"drones fly level {height} m above the pads, below "
+            f"drones fly sideways {height} m above the pads, lower than "
             f"{number_text(LEVEL_FLOOR)} m",
             section.mark_of("altitude"),
             f"raise `{key}: altitude:`",
@@ -140,14 +140,14 @@ def _separation(sketch: Sketch) -> Iterator[Diagnostic]:
         return
     yield _warning(
         "SHW303",
-        f"a separation of {number_text(separation.distance)} m is small outdoors",
+        f"a separation of {number_text(separation.distance)} m is small for outdoors",
         sketch.settings.section("separation").mark_of("distance"),
         "fly with RTK or motion capture, or keep at least "
         f"{number_text(SMALL_SEPARATION)} m",
         notes=(
             (
-                "positions from satellites alone are wrong by 2 to 3 m, with RTK by "
-                "0.01 to 0.1 m"
+                "satellite positioning is accurate to 2 to 3 m, with RTK to 0.01 to "
+                "0.1 m"
             ),
         ),
     )
@@ -179,8 +179,8 @@ def _pads(sketch: Sketch) -> Iterator[Diagnostic]:
         f"leave at least {number_text(TIGHT_PADS)} m between pads",
         notes=(
             (
-                "near the ground drones drift in each other's airflow; take-off grids "
-                "have 2 to 4 m"
+                "near the ground drones drift in each other's airflow; usual take-off "
+                "grids have 2 to 4 m"
             ),
         ),
     )
@@ -192,8 +192,8 @@ def _fleet(sketch: Sketch) -> Iterator[Diagnostic]:
         return
     yield _warning(
         "SHW305",
-        f"{sketch.drones} drones are more than the {NETWORK} that one MAVLink network "
-        "can address",
+        f"the fleet has {sketch.drones} drones; one MAVLink network can address "
+        f"{NETWORK}",
         sketch.settings.mark_of("drones"),
         f"split the fleet into {-(-sketch.drones // NETWORK)} networks",
     )
@@ -215,7 +215,7 @@ def _battery(sketch: Sketch) -> Iterator[Diagnostic]:
         yield _warning(
             "SHW306",
             f"the show takes at least {number_text(round(total))} s, batteries of show "
-            f"drones surely last {number_text(BATTERY)} s",
+            f"drones reliably last {number_text(BATTERY)} s",
             sketch.settings.mark_of("transitions"),
             "shorten the holds, or split the show",
         )
@@ -283,7 +283,7 @@ def _exports(sketch: Sketch) -> Iterator[Diagnostic]:
                 f"`{wish.to}` is exported twice, into one folder",
                 section.mark,
                 secondary=(Label(given[wish.to], "the other one"),),
-                help="keep one of them; `showc export` writes others",
+                help="keep one of them, and write the other with `showc export`",
             )
         given[wish.to] = section.mark
         for formation in sketch.formations.values():
@@ -294,7 +294,7 @@ def _exports(sketch: Sketch) -> Iterator[Diagnostic]:
                     "SHW309",
                     f"place {place + 1} of `{formation.name}` is "
                     f"{number_text(float(far[place]))} m from the "
-                    f"origin along an axis; `crazyflie` holds {CRAZYFLIE_REACH} m",
+                    f"origin along an axis; `crazyflie` reaches {CRAZYFLIE_REACH} m",
                     section.mark,
                     help="bring the formation nearer to the origin, or export `poly7`",
                     spot=Spot(formation.name, (place,)),
@@ -337,13 +337,18 @@ def _room(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
         help_text += f", or `{other}` to leave less"
     yield _warning(
         "SHW310",
-        f"`{wish.to}` wants {number_text(kept + taken)} m between paths, they keep "
-        f"{number_text(planned)} m: {'show mode' if flown else 'writing it'} takes up "
-        f"to {taken:g} m, and {number_text(kept)} m must be left; an export in which "
-        "drones pass nearer is not proved",
+        f"`{wish.to}` needs {number_text(kept + taken)} m between paths, but they keep "
+        f"only {number_text(planned)} m",
         mark,
         help_text,
-        notes=tuple(near),
+        notes=(
+            (
+                f"{'show mode' if flown else 'the format'} takes up to {taken:g} m, "
+                f"and {number_text(kept)} m must remain; an export in which drones "
+                "come closer is not proved"
+            ),
+            *near,
+        ),
     )
 
 
@@ -369,7 +374,7 @@ def _followed(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
         ),
     )
     over = [
-        f"{number_text(one)} m/s² {name} ({most:g} was flown)"
+        f"{measured_text(one)} m/s² {name} ({most:g} was tested)"
         for one, most, name in zip(
             allowed, FLOWN, ("sideways", "up", "down"), strict=True
         )
@@ -380,8 +385,8 @@ def _followed(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
     known = PRESETS[sketch.settings.section("vehicle").text("preset")].envelope
     yield _warning(
         "SHW311",
-        f"limits allow {', '.join(over)}: where `{wish.to}` asks for that, show mode "
-        "is not known to follow, and the export is not proved",
+        f"the limits allow {', '.join(over)}; show mode is not known to follow such "
+        f"flights, and an export to `{wish.to}` that needs them is not proved",
         mark,
         "write `vehicle: {envelope: autopilot}`"
         if known is not None

@@ -172,7 +172,7 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
     if len(stripped) > _LONGEST:
         raise ScriptError(
             "SHW103",
-            f"{len(stripped)} characters are no number",
+            f"{len(stripped)} characters are not a number",
             help_text=f"give a number in {unit}" if unit else "give a number",
         )
     if _NOT_FINITE.fullmatch(stripped):
@@ -184,7 +184,7 @@ def parse_quantity(text: str, unit: str, *, plain: bool, store: str = "") -> flo
     if plain and _AMBIGUOUS.fullmatch(stripped):
         raise ScriptError(
             "SHW007",
-            f"`{stripped}` is read differently by different YAML readers",
+            f"YAML readers disagree about `{stripped}`",
             help_text="write an ordinary decimal number",
         )
     _other_signs(stripped)
@@ -220,7 +220,7 @@ def _other_signs(stripped: str) -> None:
         right = f"-{stripped[1:]}"
         raise ScriptError(
             "SHW103",
-            f"`{stripped}` begins with a dash that is no minus sign",
+            f"`{stripped}` begins with a dash that is not a minus sign",
             help_text=f"write `{right}`",
             fix=right,
         )
@@ -234,7 +234,7 @@ def comma_fault(text: str) -> ScriptError:
     if _THOUSANDS.match(text):
         return ScriptError(
             "SHW103",
-            f"`{text}` has a comma, of decimals or of thousands",
+            f"`{text}` has a comma, for decimals or for thousands",
             help_text=f"write `{right}` or `{text.replace(',', '', 1)}`",
         )
     message = f"`{text}` has a decimal comma"

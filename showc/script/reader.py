@@ -414,7 +414,7 @@ class Reader:
         if len(node.entries) > kind.most:
             raise self._bad(
                 "SHW119",
-                f"`{key}` has {len(node.entries)} entries, at most {kind.most} are "
+                f"`{key}` has {len(node.entries)} entries; at most {kind.most} are "
                 "read",
                 node.mark.near(span),
             )

@@ -79,15 +79,15 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
             mark = asked if unwritten else formation.mark
             yield Diagnostic(
                 "SHW201",
-                f"{names} are {apart} m apart, the separation is "
+                f"{names} are {apart} m apart; the separation is "
                 f"{number_text(distance)} m" + _measure(separation.shape),
                 mark,
                 secondary=(Label(asked, "the separation"),)
                 if section.written("distance") and asked.line != mark.line
                 else (),
                 notes=notes,
-                help="`all-axes` asks for another x, y and z of every place, on the "
-                "ground too: write them as `points`, or measure in another shape"
+                help="with `all-axes` places differ in x, y and z, also on the "
+                "ground: write them as `points`, or use another shape"
                 if separation.shape == "all-axes"
                 else f"{_larger(distance, pair.distance)}, or add `spread: true` to it",
                 spot=Spot(formation.name, (pair.first, pair.second)),
@@ -101,16 +101,16 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
                 formation.mark,
                 notes=(
                     (
-                        f"drones in a straight synchronous move between formations of "
-                        f"this spacing can come as near as {sure} m"
+                        f"in straight, simultaneous moves between such formations, "
+                        f"drones may come as close as {sure} m"
                     ),
                     (
                         f"√2 × {number_text(distance)} m = "
                         f"{measured_text(sqrt(2.0) * distance)} m"
                     ),
                 ),
-                help="a wider formation is faster to reach, because drones need not "
-                "go around each other",
+                help="a wider formation is faster to reach, because drones do not "
+                "have to fly around each other",
                 spot=Spot(formation.name, (pair.first, pair.second)),
                 severity=Severity.WARNING,
             )
@@ -118,13 +118,13 @@ def _spacing(sketch: Sketch) -> Iterator[Diagnostic]:
 
 def _tracked(section: Settings, apart: float) -> str:
     """Say why the separation is more than `distance`."""
-    note = "`distance` and twice `tracking` make the separation"
+    note = "the separation is `distance` plus twice `tracking`"
     if section.written("tracking"):
         return note
     left = floor(100.0 * (apart - FLOWN_APART) + 1e-6) / 100.0
     return (
-        f"{note}; unwritten, `tracking` is the {SHOW_MODE_TRACKING:g} m that show mode "
-        f"takes: `exports` with `separation: {left:g}` or less leave it out"
+        f"{note}; by default, `tracking` is the {SHOW_MODE_TRACKING:g} m that show "
+        f"mode needs, unless `exports` have `separation: {left:g}` or less"
     )
 
 
@@ -211,7 +211,7 @@ def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
             where = "outside the fence"
             if clearance[place] >= 0.0:
                 where = (
-                    f"{number_text(float(clearance[place]))} m from the fence, the "
+                    f"{number_text(float(clearance[place]))} m from the fence; the "
                     f"margin is {number_text(fence.margin)} m"
                 )
             asked = sketch.settings.section("site").mark_of("fence")
@@ -252,8 +252,8 @@ def _ways(sketch: Sketch) -> Iterator[Diagnostic]:
             if fence.way(home, points[place]) is None:
                 yield Diagnostic(
                     "SHW212",
-                    f"no way from the pads to place {place + 1} of "
-                    f"`{formation.name}` stays {number_text(fence.margin)} m within "
+                    f"no path from the pads to place {place + 1} of "
+                    f"`{formation.name}` stays {number_text(fence.margin)} m inside "
                     "the fence",
                     item.mark_of("to"),
                     secondary=(
@@ -262,7 +262,7 @@ def _ways(sketch: Sketch) -> Iterator[Diagnostic]:
                         ),
                     ),
                     notes=(f"the place is at {point_text(formation.points[place])}",),
-                    help="widen the passage, or ask for less `fence_margin`",
+                    help="widen the passage, or reduce `fence_margin`",
                 )
                 break
 
@@ -279,13 +279,13 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
             yield Diagnostic(
                 "SHW214",
                 f"place {top + 1} of `{formation.name}`{what} is "
-                f"{number_text(float(points[top, 2]))} m high, the ceiling is "
+                f"{number_text(float(points[top, 2]))} m high; the ceiling is "
                 f"{number_text(site.ceiling)} m",
                 sketch.place(mark, section.mark_of("ceiling")),
                 secondary=(Label(section.mark_of("ceiling"), "the ceiling"),)
                 if sketch.written(mark)
                 else (),
-                help="move the formation down, or have a higher ceiling allowed",
+                help="move the formation down, or raise `site: ceiling:`",
                 spot=Spot(formation.name, (top,)),
             )
         reached = [
@@ -357,9 +357,9 @@ def _places(sketch: Sketch) -> Iterator[Diagnostic]:
                 f"`{formation.name}` has {counted(places, 'place')} for {flown}",
                 item.mark_of("to"),
                 secondary=(Label(formation.mark, counted(places, "place")),),
-                help="take places away, or let more drones fly there"
+                help="remove places, or let more drones fly there"
                 if places > flying
-                else "add places, or give the others a `parking` formation to wait in",
+                else "add places, or a `parking` formation for the other drones",
             )
 
 
@@ -392,14 +392,14 @@ def _kept(sketch: Sketch) -> Iterator[Diagnostic]:
         if (whole and same) or unequal:
             continue  # numbers that differ are a finding of their own
         theirs = ", ".join(str(place + 1) for place in np.sort(numbers[members])[:8])
-        why = f"those of its drones are {theirs}" + ", …" * (members.size > 8)
+        why = f"its drones have the places {theirs}" + ", …" * (members.size > 8)
         if (numbers[members] < 0).any():
             why = "some of its drones are parked"
         if not whole:
-            why = "which ones its drones have of a larger formation is chosen"
+            why = "its drones come from part of a larger formation"
         yield Diagnostic(
             "SHW219",
-            f"drones cannot keep the numbers of their places in `{item.to}`",
+            f"the drones cannot keep their places in `{item.to}`",
             sketch.ordered()[index].mark_of("assignment"),
             notes=(f"`{item.to}` has {counted(places, 'place')}; {why}",),
             help="write `assignment: optimal`, or `fixed`",

@@ -219,7 +219,7 @@ def _yes_or_no(kind: kinds.Kind, node: Scalar, key: str) -> None:
     fix = truth if isinstance(kind, kinds.Flag) else f'"{node.text}"'
     raise ScriptError(
         "SHW006",
-        f"`{node.text}` is a truth value to some YAML readers and a word to others",
+        f"YAML readers disagree whether `{node.text}` is a truth value or a word",
         help_text=f"write {fix}",
         fix=fix,
     )
@@ -296,7 +296,7 @@ def _text(kind: kinds.Text, node: Scalar, key: str) -> str:
     if len(node.text) > kind.max_length:
         raise ScriptError(
             "SHW104",
-            f"`{key}` has {len(node.text)} characters, at most {kind.max_length} are "
+            f"`{key}` has {len(node.text)} characters; at most {kind.max_length} are "
             "allowed",
         )
     if kind.pattern and re.fullmatch(kind.pattern, node.text) is None:
@@ -341,7 +341,7 @@ def _moment(kind: kinds.Moment, node: Scalar, key: str) -> datetime:
     if not kind.earliest <= moment.year <= kind.latest:
         raise ScriptError(
             "SHW104",
-            f"`{key}` is in the year {moment.year}, a log holds the years "
+            f"`{key}` is in the year {moment.year}; a log covers the years "
             f"{kind.earliest} to {kind.latest}",
         )
     return moment

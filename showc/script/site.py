@@ -25,7 +25,7 @@ def site_of(settings: Settings, reader: Reader) -> Site | None:
         if low[axis] >= high[axis]:
             reader.say(
                 "SHW120",
-                f"the volume's {letter} runs from {low[axis]:g} to {high[axis]:g} m",
+                f"the volume has {letter} from {low[axis]:g} to {high[axis]:g} m",
                 volume.mark_of("max" if volume.written("max") else "min"),
                 help_text="`max` must be greater than `min` along every axis",
             )
@@ -61,9 +61,9 @@ def _twisted(settings: Settings, key: str, reader: Reader) -> bool:
     )
     reader.say(
         "SHW123",
-        f"the outline crosses itself: the edge {one} and the edge {other}",
+        f"the outline crosses itself: the edges {one} and {other}",
         settings.mark_of(key),
-        help_text="give the corners in the order in which one walks around the area",
+        help_text="list the corners in the order of a walk around the area",
     )
     return True
 

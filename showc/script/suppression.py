@@ -63,7 +63,7 @@ def apply_suppressions(
             used.add(found_by)
             suppressed.append(Suppressed(diagnostic, found_by.reason))
     kept += [
-        _faulty(f"there is no {request.code} to pass over on this line", request.mark)
+        _faulty(f"there is no {request.code} to ignore on this line", request.mark)
         for request in requests
         if request not in used
     ]
@@ -84,7 +84,7 @@ def _requests(text: str, path: str) -> tuple[list[_Request], list[Diagnostic]]:
         if len(requests) + len(faults) > _MOST:
             faults.append(
                 _faulty(
-                    f"comments after the first {_MOST} pass over nothing",
+                    f"only the first {_MOST} ignore comments count",
                     Mark(path, number, 1, number, 2),
                 )
             )

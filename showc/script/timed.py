@@ -69,7 +69,7 @@ def timed_rows(
     if len(lines) > MOST_LINES:
         raise ScriptError(
             "SHW119",
-            f"`{name}` has {len(lines)} lines, at most {MOST_LINES} are read",
+            f"`{name}` has {len(lines)} lines; at most {MOST_LINES} are read",
             key=key,
         )
     numbers = [
@@ -100,7 +100,7 @@ def timed_rows(
             row = int(np.argmin(good))
             raise ScriptError(
                 "SHW110",
-                f"`{name}`, line {numbers[row + 1] + 1}: {column} is no number from "
+                f"`{name}`, line {numbers[row + 1] + 1}: {column} is not a number from "
                 f"{low:g} to {high:g}",
                 key=key,
                 help_text=help_text,
@@ -131,7 +131,7 @@ def heads_of(cells: list[str], file: str, key: str) -> list[str]:
                 "SHW110",
                 f"`{file}` has the column {name} in {unit}; expected {wanted}",
                 key=key,
-                help_text=f"change its numbers to {wanted}, and its head",
+                help_text=f"convert its numbers to {wanted}, and change its head line",
             )
         found.append(name)
     return found

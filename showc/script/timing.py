@@ -306,7 +306,7 @@ def _envelope_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         if section.written(key) and asked > kept:
             yield Diagnostic(
                 "SHW211",
-                f"`{key}` is {number_text(asked)} {unit}, the autopilot follows "
+                f"`{key}` is {number_text(asked)} {unit}; the autopilot follows "
                 f"{number_text(kept)} {unit}",
                 section.mark_of(key),
                 help="lower the limit, or write `envelope: airframe` in `vehicle`",
@@ -317,10 +317,10 @@ def _envelope_findings(sketch: Sketch) -> Iterator[Diagnostic]:
 def _beyond(mark: Mark, what: str, limit: float, most: float, unit: str) -> Diagnostic:
     return Diagnostic(
         "SHW210",
-        f"the limit of {what} is {number_text(limit)} {unit}, the rotors give "
+        f"the limit of {what} is {number_text(limit)} {unit}; the rotors produce "
         f"{number_text(most)} {unit} at most",
         mark,
-        help="check the limit, or the vehicle's rotors; the rotors' own holds too",
+        help="check the limit, or the parameters of the rotors",
         severity=Severity.WARNING,
     )
 

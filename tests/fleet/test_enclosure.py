@@ -85,7 +85,7 @@ def test_a_passage_that_is_too_narrow_is_named_with_drone_and_margin():
 
 def test_a_place_too_near_the_fence_is_refused_with_both_distances():
     leg = make_leg([(-10.0, 39.0, 9.0)], [(-10.0, 0.0, 9.0)], limits=GENTLE)
-    with pytest.raises(SolveError, match=r"1\.00 m within the fence, the margin is 3"):
+    with pytest.raises(SolveError, match=r"1\.00 m within the fence; the margin is 3"):
         solve(leg, L, 3.0)
 
 

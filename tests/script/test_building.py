@@ -424,7 +424,7 @@ def test_pads_that_are_not_written_are_refused_where_the_separation_stands(read)
     )
     (found,) = read(f"{text}formations:\n  a: {line}\n").errors
     assert found.code == "SHW201" and found.span.line == 3
-    assert "on the ground too" in found.help
+    assert "also on the ground" in found.help
 
 
 @pytest.mark.parametrize(

@@ -458,7 +458,7 @@ def test_thinning_keeps_pieces_and_holes():
         ("{type: mesh, file: bad.stl}", "SHW110", "bad.stl"),
         ("{type: mesh, file: bad.glb}", "SHW110", "bad.glb"),
         ("{type: mesh, file: bad.blend}", "SHW110", "not a model that showc reads"),
-        ("{type: image, file: bad.png}", "SHW110", "not a picture"),
+        ("{type: image, file: bad.png}", "SHW110", "not an image"),
         ("{type: text, text: A, font: bad.ttf}", "SHW110", "not a font"),
         ("{type: csv, file: bad.csv}", "SHW110", "line 1"),
         ("{type: text, text: '  '}", "SHW104", "no visible letters"),

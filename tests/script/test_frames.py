@@ -50,9 +50,12 @@ def test_rows_at_uneven_moments_are_joined_by_straight_lines(show, tmp_path):
         ("time,place,x,y,z\n0,1,1,1,1\n", "has 1 rows of place 1"),
         ("time,place,x,y,z\n0,1,1,1,9\n1,1,1,1,9\n0,3,1,1,9\n1,3,1,1,9\n", "0 rows of"),
         ("time,place,x,y,z\n0,1,1,1,9\n0,1,1,1,9\n", "place 1 twice at 0 s"),
-        ("time,place,x,y,z\n0,1,1,1,9\n1,1,1,,9\n", "line 3: y is no number"),
-        ("time,place,x,y,z\n# it\n0,1,nan,1,9\n1,1,1,1,9\n", "line 3: x is no number"),
-        ("time,place,x,y,z\n0,1,1,1,1e9\n1,1,1,1,9\n", "line 2: z is no number"),
+        ("time,place,x,y,z\n0,1,1,1,9\n1,1,1,,9\n", "line 3: y is not a number"),
+        (
+            "time,place,x,y,z\n# it\n0,1,nan,1,9\n1,1,1,1,9\n",
+            "line 3: x is not a number",
+        ),
+        ("time,place,x,y,z\n0,1,1,1,1e9\n1,1,1,1,9\n", "line 2: z is not a number"),
         ("time,place,x,y,z\n", "rows of place 1"),
     ],
 )
@@ -68,7 +71,10 @@ def test_a_formation_with_other_places_is_refused(read, tmp_path):
     (tmp_path / "dance.csv").write_text(DANCE)
     text = SHOW.replace("{type: frames, file: dance.csv}", "{type: circle, count: 4}")
     (found,) = read(text % "motion: [{follow: dance.csv}]").errors
-    assert found.code == "SHW205" and "has 4 places, `dance.csv`" in found.message
+    assert (
+        found.code == "SHW205"
+        and "has 4 places, but follows `dance.csv`" in found.message
+    )
 
 
 def test_a_file_of_places_has_no_frames_to_follow(read, tmp_path):

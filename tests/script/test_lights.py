@@ -51,11 +51,11 @@ def test_a_table_gives_places_their_colours_over_time(show, tmp_path):
     ("content", "message"),
     [
         ("a,b\n1,2\n", "no column time"),
-        ("time,place,r,g,b\n0,9,1,1,1\n", "line 2: place is no number from 1 to 4"),
-        ("time,place,r,g,b\n0,1,1,1,300\n", "blue is no number from 0 to 255"),
-        ("time,place,r,g,b\n0,1.5,1,1,1\n", "place is no number"),
-        ("time,place,r,g,b\n-1,1,1,1,1\n", "time is no number"),
-        ("time,place,r,g,b\n0,1,1\n", "green is no number"),
+        ("time,place,r,g,b\n0,9,1,1,1\n", "line 2: place is not a number from 1 to 4"),
+        ("time,place,r,g,b\n0,1,1,1,300\n", "blue is not a number from 0 to 255"),
+        ("time,place,r,g,b\n0,1.5,1,1,1\n", "place is not a number"),
+        ("time,place,r,g,b\n-1,1,1,1,1\n", "time is not a number"),
+        ("time,place,r,g,b\n0,1,1\n", "green is not a number"),
         ("", "no column time"),
     ],
 )

@@ -59,10 +59,10 @@ def test_degrees_may_be_kept():
         (".nan", "m", "SHW005", "finite"),
         ("-.inf", "m", "SHW005", "finite"),
         ("1e999", "m", "SHW005", "finite"),
-        ("010", "m", "SHW007", "differently"),
-        ("1:30", "s", "SHW007", "differently"),
-        ("1_000", "m", "SHW007", "differently"),
-        ("0x10", "m", "SHW007", "differently"),
+        ("010", "m", "SHW007", "disagree"),
+        ("1:30", "s", "SHW007", "disagree"),
+        ("1_000", "m", "SHW007", "disagree"),
+        ("0x10", "m", "SHW007", "disagree"),
     ],
 )
 def test_what_is_refused(text, unit, code, words):

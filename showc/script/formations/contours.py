@@ -57,7 +57,7 @@ def fitted(contours: Sequence[Contour], size: float, axis: int) -> tuple[Contour
     if extent <= 0.0:
         raise ScriptError(
             "SHW110",
-            f"the drawing has no {('width', 'height')[axis]} to scale by",
+            f"the drawing has no {('width', 'height')[axis]}, and cannot be scaled",
             key=("width", "height")[axis],
         )
     middle = (low + high) / 2.0

@@ -50,7 +50,7 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     if lines_there > MAX_LINES:
         raise ScriptError(
             "SHW119",
-            f"`{name}` has {lines_there} lines, at most {MAX_LINES} are read",
+            f"`{name}` has {lines_there} lines; at most {MAX_LINES} are read",
             key="file",
         )
     try:
@@ -107,11 +107,11 @@ def _columns(cells: list[str], file: str) -> dict[str, int] | None:
     if "time" in names and {"x", "y", "z"} <= set(names):
         raise ScriptError(
             "SHW110",
-            f"`{file}` has a column of times: its rows are where one drone is at "
-            "several instants, and not where several drones are",
+            f"`{file}` has a column of times: its rows are the path of one drone, and "
+            "not the places of several",
             key="file",
             help_text="give one row for each drone, with the columns x, y and z; or "
-            "take `type: frames`, with a column `place` as well",
+            "use `type: frames`, with a column `place`",
         )
     if not {"x", "y", "z"} <= set(names):
         lacking = sorted({"x", "y", "z"} - set(names))
@@ -177,7 +177,7 @@ def draw(settings: Settings, request: Request) -> Drawing:
     if len(points) < request.count:
         raise ScriptError(
             "SHW205",
-            f"`{name}` has {len(points)} places, {request.count} are needed",
+            f"`{name}` has {len(points)} places; {request.count} are needed",
             key="file",
         )
     cut = request.count

@@ -27,9 +27,9 @@ SCENES = (".gltf", ".glb")
 FILE = File((".csv", ".tsv", ".txt", *SCENES))
 SECTION = Section(
     "frames",
-    "The places at which an animation begins, show frame. A table has the columns time "
-    "[s], place (from 1), x, y and z [m]. Each node of a glTF that moves is a place, in "
-    "file order. The motion `follow` plays the animation.",
+    "The places at which an animation begins, show frame. A table has the columns "
+    "time [s], place (from 1), x, y and z [m]. Each moving node of a glTF is a place, "
+    "in file order. The motion `follow` plays the animation.",
     (Field("file", FILE, "The table or scene.", required=True),),
 )
 COLUMNS = ("time", "place", "x", "y", "z")
@@ -212,7 +212,7 @@ def draw(settings: Settings, request: Request) -> Drawing:
     if len(points) < request.count:
         raise ScriptError(
             "SHW205",
-            f"`{name}` has {len(points)} places, {request.count} are needed",
+            f"`{name}` has {len(points)} places; {request.count} are needed",
             key="file",
         )
     return Drawing(points[: request.count])

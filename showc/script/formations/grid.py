@@ -95,7 +95,7 @@ def lattice(settings: Settings, request: Request, plane: str) -> FloatArray:
         raise ScriptError(
             "SHW205",
             f"a grid of {rows} x {columns} x {layers} has {rows * columns * layers} "
-            f"places, {count} are needed",
+            f"places; {count} are needed",
             help_text="leave out `rows` or `columns`, or make them larger",
         )
     steps: tuple[float, ...] = (max(_USUAL, settings.optional("spacing") or 0.0),)

@@ -101,13 +101,13 @@ def picture_of(content: bytes, name: str) -> Image:
     except Exception:  # noqa: BLE001 - decoders of pictures raise anything
         raise ScriptError(
             "SHW110",
-            f"`{name}` is not a picture showc reads, or it is damaged",
+            f"`{name}` is not an image that showc reads, or it is damaged",
             key="file",
             help_text=f"formats: {', '.join(_FORMATS)}",
         ) from None
     size = f"{pixels} pixels" if pixels else "hundreds of millions of pixels"
     raise ScriptError(
-        "SHW119", f"`{name}` has {size}, at most {MAX_PIXELS} are read", key="file"
+        "SHW119", f"`{name}` has {size}; at most {MAX_PIXELS} are read", key="file"
     )
 
 

@@ -189,7 +189,7 @@ def _unreadable(name: str, suffix: str) -> ScriptError:
 def _too_much(name: str, number: int) -> ScriptError:
     return ScriptError(
         "SHW119",
-        f"`{name}` has {number} corners or triangles, at most {MAX_TRIANGLES} are read",
+        f"`{name}` has {number} corners or triangles; at most {MAX_TRIANGLES} are read",
         key="file",
     )
 

@@ -44,7 +44,7 @@ def draw(settings: Settings, request: Request) -> Drawing:
     if len(rows) < request.count:
         raise ScriptError(
             "SHW205",
-            f"{len(rows)} points are written, {request.count} are needed",
+            f"{len(rows)} points are written; {request.count} are needed",
             key="points",
             help_text="add points",
         )

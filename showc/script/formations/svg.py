@@ -86,7 +86,7 @@ def contours_of(content: bytes, name: str) -> list[Contour]:
             "SHW110",
             f"`{name}` has no curves",
             key="file",
-            help_text="texts and bitmaps in a drawing must be made into paths first",
+            help_text="convert texts and bitmaps of the drawing to paths first",
         )
     return contours
 
@@ -107,7 +107,7 @@ def _contours(drawing: Any) -> list[Contour]:  # noqa: ANN401 - a library withou
             if not np.all(np.abs(points) <= _FARTHEST):
                 raise ScriptError(
                     "SHW110",
-                    "the drawing has a point that is no number, or too far away",
+                    "the drawing has a point that is not a number, or is too far away",
                     key="file",
                 )
             if len(points) > 1 and float(np.ptp(points, axis=0).max()) > 0.0:
@@ -134,7 +134,7 @@ def judge(content: bytes, name: str) -> None:
         line = getattr(fault, "position", (0, 0))[0]
         where = f", line {line}" if line else ""
         raise ScriptError(
-            "SHW110", f"`{name}`{where}: it is not XML", key="file"
+            "SHW110", f"`{name}`{where}: the file is not XML", key="file"
         ) from None
     size, depth = outline.measured()
     if depth >= _ENDLESS:
@@ -144,7 +144,7 @@ def judge(content: bytes, name: str) -> None:
     elif size > MAX_ELEMENTS:
         found = f"has more than {MAX_ELEMENTS} elements"
     elif outline.copies > MAX_COPIES:
-        found = f"has {outline.copies} copies by `use`, at most {MAX_COPIES} are read"
+        found = f"has {outline.copies} copies by `use`; at most {MAX_COPIES} are read"
     elif outline.changes > MAX_CHANGES:
         found = f"has more than {MAX_CHANGES} characters of `transform`"
     else:

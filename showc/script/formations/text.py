@@ -94,7 +94,9 @@ def _font(settings: Settings, request: Request) -> TTFont:
 
 def _damaged(name: str) -> ScriptError:
     return ScriptError(
-        "SHW110", f"`{name}` is not a font showc reads, or it is damaged", key="font"
+        "SHW110",
+        f"`{name}` is damaged, or not a font that showc reads",
+        key="font",
     )
 
 
@@ -165,7 +167,7 @@ def letters(font: TTFont, text: str) -> list[Contour]:
             "SHW110",
             f"the font has no `{missing[0]}`",
             key="text",
-            help_text="name a font file that has it with `font:`",
+            help_text="write `font:` with a font file that has it",
         )
     head, metrics = font["head"], font["hhea"]
     line_height = (metrics.ascent - metrics.descent + metrics.lineGap) or (
