@@ -119,3 +119,19 @@ def test_an_objective_that_a_violation_flattered_may_get_worse():
     slope = e - 1.0
     exact = 0.5 * (slope * log(slope) - slope + 1.0)
     assert solution.objective == pytest.approx(exact, rel=1e-6)
+
+
+def test_a_jump_at_the_bound_of_a_state_is_missed_by_what_is_reported():
+    # Sell a stock at the best price, as fast as can be, without arcs placed for it.
+    problem = ocp.Problem("sale")
+    phase = problem.phase(duration=3.0)
+    stock = phase.state("stock", 0.0, 1.0, start=1.0)
+    trade = phase.control("trade", -1.0, 1.0)
+    phase.derivative(stock, trade)
+    price = 4.0 - (phase.time - 1.37) ** 2
+    problem.maximise(phase.integral(-trade * price))
+    solution = ocp.solve(problem, options=ocp.Options(switches=False, meshes=5))
+    exact = 4.0 - 1.0 / 12.0
+    for record in solution.history:
+        missed = abs(record.objective - exact) / exact
+        assert missed < 10.0 * record.error.objective

@@ -50,6 +50,8 @@ _SCANNED = 8
 each turn of an angle has one, and bounds seldom leave more than two turns."""
 _DESCENTS = 3
 """Newton's steps from each."""
+_HALVES = np.array([0.0, 0.5, 1.0])
+"""Ends and middle of an interval."""
 _MOSTLY = 0.5
 """Share of an interval from which a state counts as being at its bound on it."""
 
@@ -186,7 +188,42 @@ class MinimumPrinciple:
             there = tuple(part[:, pinned] for part in at)
             h = self.h.map(int(np.count_nonzero(pinned)))
             gap[-2, pinned] = self.constrained.vertex_gap(vertices, there, h, table)
-        return widths * (gap.reshape(len(gap), count, -1) @ weights), better
+        total = widths * (gap.reshape(len(gap), count, -1) @ weights)
+        total[: u.shape[0]] += self._junctions(phase, p, table, settling)
+        return total, better
+
+    def _junctions(
+        self, phase: PhaseSolution, p: FloatArray, table: Table, settling: BoolArray
+    ) -> FloatArray:
+        """Estimate what is lost where a control jumps as a state comes to its bound.
+
+        There, and where the state leaves it, the slope of the Hamiltonian is nought. If
+        it is s and changes by s' a second, the control should jump s / s' later, and s²
+        / 2 s' is lost for each unit of the jump. On the state's bound no candidate
+        tells: they would drive it through.
+
+        ``settling``: on which intervals a state is at its bound, (K,). Shape (controls,
+        K).
+        """
+        count, widths = settling.size, np.diff(phase.states.breaks)
+        controls = phase.controls.coefficients
+        found = np.zeros((controls.shape[2], count))
+        borders = np.flatnonzero(settling[1:] != settling[:-1])
+        if not borders.size:
+            return found
+        slope, _ = self._slopes(self._places(phase, p, table, _HALVES))
+        slope = slope.reshape(-1, count, _HALVES.size)
+        on, off = borders + settling[borders + 1], borders + settling[borders]
+        # From the state's bound: the near end of the other interval, and its middle.
+        ends = np.where(on > off, _HALVES.size - 1, 0)
+        near, middle = slope[:, off, ends], slope[:, off, _HALVES.size // 2]
+        change = 2.0 * np.abs(near - middle) / widths[off]
+        leap = np.abs(controls[borders + 1, 0] - controls[borders, -1]).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            later = np.fmin(np.abs(near) / change, widths[on])
+        lost = 0.5 * np.abs(near) * later * leap * np.array(self.affine)[:, None]
+        found[:, on] = np.nan_to_num(lost)
+        return found
 
     def preferred(
         self, phase: PhaseSolution, p: FloatArray, table: Table, places: FloatArray
