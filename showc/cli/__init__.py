@@ -16,24 +16,24 @@ class Verbs(click.Group):
 
     summaries: ClassVar[dict[str, str]] = {
         "init": "Write a first show script to start from.",
-        "check": "Validate show scripts, without solving anything.",
-        "fmt": "Give scripts one layout.",
-        "preview": "Show a script in the browser while it is written.",
-        "plan": "Say what compile would solve, and bounds on each transition's time.",
-        "compile": "Turn a show script into missions and a trajectory log.",
-        "verify": "Prove a compiled show from its bytes alone.",
-        "export": "Write a compiled show for other systems, proved as written.",
-        "import": "Write another tool's show as a script, to be solved again.",
+        "check": "Find mistakes in show scripts, without solving anything.",
+        "fmt": "Format show scripts.",
+        "preview": "Show a script in the browser while you write it.",
+        "plan": "Show the timeline before anything is solved.",
+        "compile": "Solve a script; write missions and a trajectory log.",
+        "verify": "Prove a compiled show from its files alone.",
+        "export": "Write a compiled show for other systems, and prove it.",
+        "import": "Turn another tool's show into a script.",
         "view": "Make a page that plays the show in any browser.",
-        "safety": "Work out where drones may fall, and which ground must stay clear.",
-        "abort": "Plan how the fleet comes down, from any moment of the show.",
-        "simulate": "Fly the show in wind and gusts, many times.",
-        "report": "Make the page on which a show is signed off.",
+        "safety": "Compute where drones may fall, and which ground must stay clear.",
+        "abort": "Plan how to land the fleet from any moment of the show.",
+        "simulate": "Simulate many flights of the show in wind and gusts.",
+        "report": "Make a report page to sign.",
         "diff": "Compare two compiled shows.",
-        "upload": "Put missions onto vehicles, read them back, keep a record.",
-        "stream": "Fly the trajectories themselves as timed setpoints.",
-        "compare": "Compare what was flown with the plan.",
-        "explain": "Explain a diagnostic code such as SHW201.",
+        "upload": "Load missions onto vehicles, and check them there.",
+        "stream": "Fly the trajectories as timed setpoints.",
+        "compare": "Compare flights with the plan.",
+        "explain": "Explain a finding, such as SHW201.",
         "schema": "Print the JSON Schema of show scripts.",
         "completion": "Print the completion script for a shell.",
     }
@@ -88,19 +88,19 @@ class Verbs(click.Group):
 def showc() -> None:
     """Compile drone light shows.
 
-    A show script (YAML) lists formations and transitions. showc solves every transition
-    as a minimum-time optimal control problem on the full quadrotor model. It proves
-    that the drones keep apart at every instant, and writes MAVLink mission files and a
-    trajectory log.
+    A show script (YAML) lists formations and transitions. showc finds the fastest
+    flight for every transition on the full quadrotor model. It proves that the drones
+    keep their separation at every instant, and writes MAVLink missions and a trajectory
+    log.
 
     \b
       showc init my-show.yaml        start a script
-      showc check my-show.yaml       is it sound?
+      showc check my-show.yaml       find mistakes
       showc compile my-show.yaml     output.mcap, output/missions, output/manifest.json
-      showc verify output.mcap       prove it from the bytes
-      showc view output.mcap         look at it
+      showc verify output.mcap       prove the result
+      showc view output.mcap         play the show
 
-    Exit codes: 0 fine; 1 findings (a rule of the show is broken, a transition has no
-    solution, verify failed); 2 wrong usage, unreadable or damaged input; 70 a fault of
-    showc itself; 130 interrupted.
+    Exit codes: 0 success; 1 findings (the script breaks a rule, a transition has no
+    solution, or verify failed); 2 wrong usage, or unreadable or damaged input; 70 an
+    error of showc itself; 130 interrupted.
     """

@@ -24,7 +24,7 @@ from showc.cli.options import (
     type=Real(0.5, 600.0),
     metavar="SECONDS",
     default=10.0,
-    help="Time between two moments of the table.",
+    help="Time between two rows of the table.",
 )
 @output_option(
     "TABLE.json",
@@ -35,13 +35,13 @@ from showc.cli.options import (
 def command(
     log: Path, every: float, output: Path | None, jobs: int | None, quiet: bool
 ) -> int:
-    """Plan and prove how the fleet comes down, from a grid of moments.
+    """Plan and prove how to land the fleet, for regular moments of the show.
 
-    The fleet's one clock is brought to rest, which keeps every distance. Then all
-    drones go straight down where they are, if they stay apart; else home to the pads;
-    else back along the plan. Ways down and home come from the fleet planner, and every
-    one is proved. The table goes into the log, with its flights: showc verify proves
-    them again, showc report prints them. It goes into a file beside the log, too.
+    First the fleet stops along its paths, which keeps every distance. Then all drones
+    descend where they are, if this keeps the separation. Otherwise they fly home to the
+    pads, or back along the plan. Every descent and return is planned and proved. The
+    table and its flights go into the log, where showc verify proves them again and
+    showc report prints them. The table also goes into a file beside the log.
 
     \b
       showc abort output.mcap --every 2

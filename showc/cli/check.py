@@ -38,16 +38,18 @@ def command(
     exit_zero: bool,
     quiet: bool,
 ) -> int:
-    """Validate show scripts.
+    """Find mistakes in show scripts.
 
-    Reads each SHOW.yaml and every file it names, and reports all findings at once, each
-    with file, line and column: syntax, keys, units, ranges, references, spacing of
-    formations, flight volume. Nothing is solved; a script takes a fraction of a second.
+    Reads each SHOW.yaml and every file that it names. Reports all findings at once,
+    each with file, line and column: syntax, keys, units, ranges, names, spacing of
+    formations, flight volume, times, motions. Nothing is solved; a script takes a
+    fraction of a second.
 
-    --fix replaces what can mean one thing only: mistyped words with one near neighbour,
-    decimal commas, missing commas, units, colours without quotes.
+    --fix corrects mistakes that have only one possible correction: mistyped words,
+    decimal commas, missing commas, units, unquoted colours.
 
-    A warning on a line that ends in "# showc: ignore[SHW303] why" is left out.
+    A comment "# showc: ignore[SHW303] why" at the end of a line hides that warning
+    there.
 
     \b
       showc check shows/*.yaml

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 @click.option(
     "--against",
     type=click.Choice(["missions", "trajectories"]),
-    help="What the fleet was to fly.  [default: missions if an autopilot flew one]",
+    help="The plan that was flown.  [default: missions if an autopilot flew one]",
 )
 @click.option(
     "--limit",
     type=Real(min=0.0),
     metavar="METRES",
-    help="Also exit with 1 if a drone was farther from its plan.",
+    help="Also exit with 1 if a drone was farther from its plan than this.",
 )
 @click.option(
     "-o",
@@ -49,13 +49,13 @@ def command(
     output: Path | None,
     as_json: bool,
 ) -> int:
-    """Compare what was flown with the plan.
+    """Compare flights with the plan.
 
-    FLOWN is what stream wrote, or logs of autopilots: .BIN, .tlog, or a folder of them.
-    For each leg: how late the drones arrived, how far they were from the plan, and how
-    near two of them came, beside what was proved. For each drone: the greatest and the
-    mean distance, and the lag. Exits with 1 if two drones came nearer than the show's
-    separation.
+    FLOWN is a log written by showc stream, or logs of autopilots: .BIN, .tlog, or a
+    folder of them. The table gives for each leg how late the drones arrived, how far
+    they were from the plan, and how close two of them came, beside what was proved. For
+    each drone it gives the greatest and the mean distance, and the lag. Exits with 1 if
+    two drones came closer than the separation of the show.
 
     \b
       showc compare output.mcap output-flown.mcap

@@ -62,13 +62,13 @@ def utc(text: str) -> datetime:
     "--start",
     type=Written("time", utc),
     help="Time at which the missions begin, with its zone (2026-06-01T20:00:00Z, or "
-    "22:00:00+02:00).  Without it they begin at a minute of any hour.",
+    "22:00:00+02:00).  Without it they can begin at one minute of any hour.",
 )
 @click.option(
     "--start-minute",
     type=Whole(0, 59),
     metavar="MINUTE",
-    help="That minute of the hour.  [default: mission.start_minute of the script]",
+    help="This minute of the hour.  [default: mission.start_minute of the script]",
 )
 @click.option(
     "--autopilot",
@@ -86,17 +86,17 @@ def utc(text: str) -> datetime:
     type=Whole(1, 100),
     metavar="N",
     default=1,
-    help="Work to spend on shorter times where drones are crowded.",
+    help="Effort for shorter times where drones are crowded.",
 )
 @flag("--no-cache", text="Solve everything again.")
 @cache_option
 @outside_option
-@flag("--no-missions", text="Make the log alone, to be flown by showc stream.")
+@flag("--no-missions", text="Write only the log, to be flown by showc stream.")
 @flag("--strict", text="Do not compile a script with warnings.")
 @flag(
     "--json",
     "as_json",
-    text="Print the result as JSON, and progress as a line of JSON each.",
+    text="Print the result as JSON, and progress as lines of JSON.",
 )
 @quiet_option
 def command(
@@ -116,18 +116,18 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Turn a show script into mission files and a trajectory log.
+    """Solve a show script, and write missions and a trajectory log.
 
-    Solves every transition in the least time that the aircraft's dynamics, limits and
-    the separation allow, and writes
+    Finds the fastest flight for every transition, within the aircraft's dynamics, the
+    limits and the separation, and writes
 
     \b
       PATH.mcap                           trajectory log, exact and sampled
-      PATH/manifest.json                  what was made from what, and how good it is
+      PATH/manifest.json                  inputs, versions, hashes, and how good it is
       PATH/missions/drone_0001.waypoints  a mission for each drone
 
-    All or nothing: if anything fails, or is interrupted, the former files stay whole.
-    Transitions solved before are taken from a cache.
+    If anything fails or is interrupted, the files of an earlier run stay as they are.
+    Transitions that were solved before come from a cache.
 
     \b
       showc compile shows/grid.yaml

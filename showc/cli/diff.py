@@ -25,11 +25,10 @@ _SHOW = SHOW
 def command(before: Path, after: Path, as_json: bool) -> int:
     """Compare two compiled shows: rules, legs, times, paths.
 
-    Another tool's show, such as one that showc import has turned into a script, is
-    compared by its flights from one picture to the next: this shows what solving them
-    again gains.
+    Another tool's show is compared by its flights from one formation to the next. After
+    showc import and compile, this shows how much faster the solved flights are.
 
-    Exits with 0 if both fly the same, 1 if they differ.
+    Exits with 0 if both shows are the same, 1 if they differ.
 
     \b
       showc diff monday.mcap tuesday.mcap
@@ -46,7 +45,7 @@ def command(before: Path, after: Path, as_json: bool) -> int:
     if as_json:
         click.echo(json.dumps({"same": not differences, "differences": differences}))
     elif not differences:
-        click.echo("both fly the same")
+        click.echo("both shows are the same")
     else:
         for item in differences:
             click.echo("{what}: {before} -> {after}".format(**item))

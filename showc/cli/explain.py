@@ -8,9 +8,9 @@ import click
 @click.command(name="explain")
 @click.argument("code", required=False)
 def command(code: str | None) -> int:
-    """Explain a code of a finding or of a check: its cause and what to do.
+    """Explain a finding or a check: its cause, and what to do.
 
-    Without a code, list them all.
+    Without a code, lists all codes.
 
     \b
       showc explain SHW201
@@ -31,7 +31,7 @@ def command(code: str | None) -> int:
         from difflib import get_close_matches
 
         near = get_close_matches(code.upper(), known, n=3, cutoff=0.5)
-        hint = f"; near it: {', '.join(near)}" if near else ""
+        hint = f"; did you mean {', '.join(near)}?" if near else ""
         raise click.UsageError(
             f"there is no code {code!r}{hint} (showc explain lists them all)"
         )

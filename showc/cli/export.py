@@ -111,22 +111,22 @@ def write_wishes(log: Path, wishes: tuple[Export, ...]) -> tuple[list[str], bool
     "--lead",
     type=Real(0.0, 600.0),
     metavar="SECONDS",
-    help="How long the fleet stands before the show begins.  [default: 10 for skyc "
-    "and skyb, else 0]",
+    help="Time for which the fleet stands before the show begins.  [default: 10 for "
+    "skyc and skyb, else 0]",
 )
 @click.option(
     "--tolerance",
     type=Real(0.001, 1.0),
     metavar="METRES",
     default=0.01,
-    help="Greatest distance of the written flight from the solved one.  "
+    help="Greatest deviation of the written flight from the solved one.  "
     "[default: 0.01]",
 )
 @click.option(
     "--separation",
     type=Real(0.0, 100.0),
     metavar="METRES",
-    help="Distance that must be left in the air.  [default: the script's]",
+    help="Distance that drones must keep in flight.  [default: the script's]",
 )
 @json_option
 def command(
@@ -138,7 +138,7 @@ def command(
     separation: float | None,
     as_json: bool,
 ) -> int:
-    """Write a compiled show in a format that others fly or draw.
+    """Write a compiled show in a format of another system.
 
     \b
       skyc          Skybrush's compiled show, for Live, Viewer and the server
@@ -150,13 +150,13 @@ def command(
       gltf          an animated scene for renders
       kml           the site and the ways on a map
 
-    Flights are fitted anew on the format's grid under a stated error. The written bytes
-    are then read back and proved: separation, limits, volume, fence, what the firmware
-    accepts, and whether show mode was measured to follow such a flight. The folder's
-    export.json says what was proved; showc verify FOLDER proves it again.
+    The flights are fitted to the format's time grid, with a stated error. The written
+    files are then read back and proved: separation, limits, volume, fence, what the
+    firmware accepts, and whether show mode was measured to follow such a flight. The
+    manifest export.json says what was proved; showc verify FOLDER proves it again.
 
-    Exits with 0 if everything is proved, 1 if a check fails: the files are written all
-    the same, and their manifest says so.
+    Exits with 0 if everything is proved, 1 if a check fails. The files are written in
+    both cases, and their manifest gives the result.
 
     \b
       showc export output.mcap --to skyb

@@ -14,11 +14,11 @@ from showc.cli.options import flag
 @flag("--check", text="Change nothing; exit with 1 if the layout would change.")
 @flag("--diff", text="Change nothing; print what would change.")
 def command(scripts: tuple[str, ...], check: bool, diff: bool) -> int:
-    """Give scripts one layout.
+    """Format show scripts.
 
-    Indentation, spaces and blank lines become uniform; values, comments, their order
-    and their lines stay. The show is the same, which is checked before the file is
-    replaced. A file that is not valid YAML is left as it is, and its findings are
+    Makes indentation, spaces and blank lines uniform. Values, comments, and their order
+    and lines stay. Before a file is replaced, the formatted script is checked to be the
+    same show. A file that is not valid YAML stays as it is, and its findings are
     printed.
 
     \b

@@ -44,23 +44,23 @@ def _stretches(text: str) -> tuple[tuple[float, float], ...]:
     type=FILE,
     required=True,
     metavar="SHOW.yaml",
-    help="Where to put the script; its tables go into SHOW-formations.",
+    help="Where to put the script.  Its tables go into SHOW-formations.",
 )
 @click.option(
     "--at",
     type=Written("times", _seconds),
     default=(),
     metavar="SECONDS,...",
-    help="Also make formations at these instants, for shows that never hold.",
+    help="Also make formations at these times, for shows that never hold.",
 )
 @click.option(
     "--moving",
     type=Written("stretches", _stretches),
     default=(),
     metavar="BEGIN-END,...",
-    help="Make moving formations of these stretches too [s]: played as they are.",
+    help="Also make moving formations of these intervals [s], played as recorded.",
 )
-@flag("--force", text="Replace a script that is there.")
+@flag("--force", text="Replace the script if it exists.")
 def command(
     show: Path,
     output: Path,
@@ -68,12 +68,12 @@ def command(
     moving: tuple[tuple[float, float], ...],
     force: bool,
 ) -> int:
-    """Write another tool's show as a script, to be solved again.
+    """Turn another tool's show into a script.
 
-    Each hold of the whole fleet in the air becomes a formation, with its colours;
-    transitions lead from one to the next. A picture that turns, waves or grows between
-    two holds becomes a moving formation, played as it is. The lights of a picture, the
-    site, the fence, speeds and the least distance are taken over.
+    Each hold of the whole fleet in the air becomes a formation with its colours, and
+    transitions lead from one to the next. A formation that turns, waves or grows
+    between two holds becomes a moving formation, which plays as recorded. Lights, site,
+    fence, speeds and the smallest distance are copied.
 
     \b
       showc import night.skyc -o night.yaml

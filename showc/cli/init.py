@@ -27,7 +27,7 @@ def template_text(name: str) -> str:
 @click.option("--name", default="My first show", help="Title of the show.")
 @flag("--force", text="Replace the file if it exists.")
 def command(script: Path, name: str, force: bool) -> int:
-    """Write a first show script to start from, with every idea once and explained.
+    """Write a first show script to start from, with comments that explain it.
 
     \b
       showc init my-show.yaml

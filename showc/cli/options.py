@@ -37,7 +37,7 @@ class Real(click.FloatRange):
         """Read it."""
         found = float(super().convert(value, param, ctx))
         if not isfinite(found):
-            self.fail(f"{value!r} is no finite number", param, ctx)
+            self.fail(f"{value!r} is not a finite number", param, ctx)
         return found
 
 
@@ -68,7 +68,7 @@ log_argument = click.argument("log", type=FILE, metavar="OUTPUT.mcap")
 show_argument = click.argument("log", type=SHOW, metavar="OUTPUT.mcap|SHOW")
 """Such a log, or a foreign show."""
 json_option = flag("--json", "as_json", text="Print the result as JSON.")
-quiet_option = flag("-q", "--quiet", text="Print the result alone, without progress.")
+quiet_option = flag("-q", "--quiet", text="Print only the result, without progress.")
 outside_option = flag(
     "--allow-outside",
     text="Also read files outside the script's folder, and follow links.",
@@ -76,7 +76,7 @@ outside_option = flag(
 cache_option = click.option(
     "--cache-dir",
     type=FOLDER,
-    help="Folder of solved transitions.  [default: showc in the user's cache folder]",
+    help="Folder for solved transitions.  [default: showc in the user's cache folder]",
 )
 jobs_option = click.option(
     "-j",
@@ -162,7 +162,7 @@ def connected(command: Callable[..., int]) -> Callable[..., int]:
             type=click.Path(exists=True, dir_okay=False, path_type=Path),
             metavar="FILE",
             help="Sign all messages and accept only signed ones (MAVLink 2).  FILE "
-            "holds 64 hexadecimal digits, or the passphrase given to the vehicles.",
+            "contains 64 hexadecimal digits, or the passphrase of the vehicles.",
         ),
         click.option(
             "--drones",
@@ -174,8 +174,8 @@ def connected(command: Callable[..., int]) -> Callable[..., int]:
             "--systems",
             type=Written("systems", numbers),
             metavar="1-20",
-            help="MAVLink system ids of those drones, in the same order: for fleets on "
-            "several networks.  [default: the drones' numbers]",
+            help="MAVLink system ids of these drones, in the same order, for fleets "
+            "on several networks.  [default: the drones' numbers]",
         ),
         click.option(
             "--connect",
@@ -184,7 +184,7 @@ def connected(command: Callable[..., int]) -> Callable[..., int]:
             required=True,
             metavar="udp:HOST:PORT",
             help="Link to the vehicles: udp: or udpin:HOST:PORT listens, "
-            "udpout:HOST:PORT calls.  May be given more than once.",
+            "udpout:HOST:PORT calls.  Can be repeated.",
         ),
     ):
         command = option(command)
@@ -205,7 +205,7 @@ def system_ids(
         return None
     if len(drones or ()) != len(systems):
         raise UsageError(
-            f"--systems names {len(systems)} ids, --drones {len(drones or ())} drones; "
-            "give as many of both, such as --drones 251-500 --systems 1-250"
+            f"--systems has {len(systems)} ids, --drones {len(drones or ())} drones; "
+            "give the same number of both, such as --drones 251-500 --systems 1-250"
         )
     return dict(zip(drones or (), systems, strict=True))

@@ -33,9 +33,10 @@ def command(
 ) -> int:
     """Show a script in the browser while it is written.
 
-    The page shows formations, assignment and moves along straight lines at once,
-    follows every save, and marks what check finds. Solved transitions take the place of
-    straight lines. Only this machine can open it; Ctrl-C ends it.
+    The page shows formations, and moves along straight lines, at once. It updates with
+    every save, and marks the findings of check. With --solve, solved transitions
+    replace the straight lines. Only this machine can open the page. Ctrl-C ends the
+    preview.
 
     \b
       showc preview my-show.yaml --solve

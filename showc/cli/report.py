@@ -43,15 +43,14 @@ def command(
     quiet: bool,
     rules: Rules,
 ) -> int:
-    """Make the page on which a show is signed off.
+    """Make a report page to sign.
 
     Verifies the log first, and shows what was proved: site map with fence, table of
-    transitions (time, bound, gap, smallest separation, greatest speed and tilt),
-    margins, safety case, mission prediction, hashes. Prints well.
+    transitions (duration, bound, gap, smallest separation, greatest speed and tilt),
+    margins, safety case, mission prediction, hashes. The page is made for printing.
 
-    For another tool's show (see showc view) it says what is proved of the file, and
-    whether it can be flown. It also says what the firmware makes of it, and what is
-    unknown.
+    For another tool's show (see showc view), the report says what is proved of the
+    file, whether it can be flown, what the firmware does with it, and what is unknown.
 
     \b
       showc report night.skyc                    writes night-report.html

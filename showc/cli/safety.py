@@ -17,13 +17,13 @@ from showc.cli.options import Real, json_option, log_argument, output_option
 @log_argument
 @output_option(
     "PAGE.html",
-    "Where to put the page; the map goes beside it.  [default: OUTPUT-safety.html]",
+    "Where to put the page.  The map goes beside it.  [default: OUTPUT-safety.html]",
 )
 @click.option(
     "--wind",
     type=Real(0.0, 30.0),
     metavar="M/S",
-    help="Greatest wind in a fall.  [default: the script's]",
+    help="Strongest wind during a fall.  [default: the script's]",
 )
 @click.option(
     "--rotation",
@@ -46,15 +46,17 @@ def command(
     shift: float | None,
     as_json: bool,
 ) -> int:
-    """Work out where drones may fall, and what that leaves around the site.
+    """Compute where drones may fall, and which ground must stay clear.
 
-    A drone may lose thrust at any moment of the flight; it then falls with drag, in any
-    wind up to the stated one. All places where it may hit the ground are enclosed, and
-    so are the volumes of the LBA's formulas. The script says what stands around (site:
-    audience, buildings, ceiling, fence) and what to reckon with (site: risk).
+    A drone may lose thrust at any moment of the flight. It then falls with drag, in any
+    wind up to the given one. The command bounds all places where it may hit the ground,
+    and computes the volumes of the German aviation authority (LBA). The script
+    describes the surroundings (site: audience, buildings, ceiling, fence) and the
+    assumptions (site: risk).
 
     Writes a page with a drawing, and a KML map with a folder for each volume. Exits
-    with 0 if there is no finding, 1 if there is one; showc explain SAF111 says more.
+    with 0 if there are no findings, else with 1. showc explain SAF111 explains a
+    finding.
 
     \b
       showc safety output.mcap

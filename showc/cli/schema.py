@@ -9,8 +9,8 @@ import click
 def command() -> int:
     """Print the JSON Schema of show scripts.
 
-    An editor with YAML support completes and checks scripts with it. The first line of
-    a script names it:
+    Editors with YAML support use it to complete and check scripts. The first line of a
+    script names it:
 
     \b
       # yaml-language-server: $schema=show.schema.json

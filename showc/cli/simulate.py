@@ -26,14 +26,14 @@ from showc.cli.options import (
     type=Real(0.0, 30.0),
     metavar="M/S",
     default=0.0,
-    help="Mean wind, of a direction drawn for each run.",
+    help="Mean wind, from a random direction in each run.",
 )
 @given(
     "--gusts",
     type=click.Choice(("none", "light", "moderate", "severe")),
     default="none",
-    help="Dryden turbulence: what MIL-F-8785C has at that wind (moderate), half of it "
-    "(light), or half as much again (severe).",
+    help="Dryden turbulence: as in MIL-F-8785C for this wind (moderate), half of it "
+    "(light), or one and a half times as much (severe).",
 )
 @given(
     "--runs",
@@ -47,7 +47,7 @@ from showc.cli.options import (
     type=Whole(min=0),
     metavar="N",
     default=0,
-    help="Seed of the gusts of all flights.",
+    help="Seed of the gusts.",
 )
 @given(
     "--controller",
@@ -74,16 +74,17 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Fly a compiled show in wind, with a model of aircraft, estimator and controller.
+    """Simulate flights of a compiled show in wind.
 
-    Twelve states, rotors that lag, drag, delay and an imperfect estimator; a controller
-    by differential flatness or a model predictive one, with a disturbance observer;
-    Dryden gusts with seeds. Says how far drones stray from their paths and how near
-    they come. It is a model with typical figures: it compares shows, winds and
-    controllers, and says nothing of one aircraft.
+    The model has twelve states, rotor lag, drag, delays and an imperfect estimator. The
+    controller uses differential flatness or model prediction, with a disturbance
+    observer. Gusts are Dryden turbulence with seeds. The result says how far drones
+    stray from their paths, and how close they come. The model has typical parameters:
+    it compares shows, winds and controllers, but does not describe a particular
+    aircraft.
 
-    The results go into the log, for showc report and showc view. They go into a file
-    beside it, too, from which a script can take the tube (separation: tracking:
+    The results go into the log, for showc report and showc view, and into a file beside
+    it. A script can use the tracking error from this file (separation: tracking:
     measured).
 
     \b

@@ -36,44 +36,44 @@ from showc.cli.options import (
     type=Real(min=0.1),
     metavar="METRES",
     default=3.0,
-    help="Distance of a vehicle from its trajectory at which the show is stopped.",
+    help="Distance of a vehicle from its trajectory at which the show stops.",
 )
 @given(
     "--link-timeout",
     type=Real(min=0.1),
     metavar="SECONDS",
     default=1.0,
-    help="Age of a vehicle's last position at which the show is stopped.",
+    help="Age of a vehicle's last position at which the show stops.",
 )
 @given(
     "--lead",
     type=Real(0.0, 1.0),
     metavar="SECONDS",
     default=0.0,
-    help="How much before its moment a setpoint leaves: the lag of the "
-    "autopilot and of the link.",
+    help="How early a setpoint is sent, to make up for the lag of the autopilot "
+    "and the link.",
 )
 @given(
     "--after-stop",
     type=click.Choice(["hold", "land", "return"]),
     default="hold",
-    help="What a stopped fleet does: hover, land where it is, or fly back the way it "
-    "came and land on its pads.",
+    help="What a stopped fleet does: hover, land where it is, or fly back along its "
+    "paths and land on its pads.",
 )
 @flag(
     "--set-parameters",
-    text="Raise ArduCopter's limits that are too small for the show; they get their "
-    "values back after the landing.",
+    text="Raise limits of ArduCopter that are too small for the show. They are "
+    "restored after the landing.",
 )
 @flag(
     "--set-gains",
-    text="Fly with the gains that trajectories were measured with, until the landing: "
-    "those of ArduCopter's simulated quadrotor. Leave it out where vehicles are tuned.",
+    text="Fly with the gains of ArduCopter's simulated quadrotor, with which "
+    "trajectories were measured, until the landing. Not for vehicles that are tuned.",
 )
 @click.option(
     "--flown",
     type=FILE,
-    help="Log of what was flown, for compare.  [default: OUTPUT-flown.mcap]",
+    help="Log of the flight, for compare.  [default: OUTPUT-flown.mcap]",
 )
 @json_option
 @quiet_option
@@ -94,12 +94,12 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Fly the trajectories themselves: position, velocity, acceleration, on one clock.
+    """Fly the trajectories as timed setpoints of position, velocity and acceleration.
 
-    Puts every vehicle into the mode that follows setpoints, arms it, and flies the show
-    from start to end. When a vehicle falls silent or leaves its corridor, and on
-    Ctrl-C, SIGTERM or SIGHUP, the clock that all share is brought to rest; --after-stop
-    says what follows. Exits with 0 if all flew to the end and landed, 1 if not.
+    Switches every vehicle to the mode that follows setpoints, arms it, and flies the
+    show from start to end. The whole fleet stops if a vehicle falls silent or leaves
+    its corridor, and on Ctrl-C, SIGTERM or SIGHUP. --after-stop says what happens then.
+    Exits with 0 if all vehicles flew to the end and landed, else with 1.
 
     \b
       showc stream output.mcap --connect udp:127.0.0.1:14550

@@ -29,7 +29,7 @@ from showc.cli.options import (
 @click.option(
     "--audit",
     type=FILE,
-    help="File that keeps which vehicle has which file with which hash.  "
+    help="Record of which vehicle has which file, with hashes.  "
     "[default: OUTPUT/../OUTPUT-audit.json]",
 )
 @given(
@@ -37,14 +37,14 @@ from showc.cli.options import (
     type=Real(min=0.1),
     metavar="SECONDS",
     default=30.0,
-    help="Time within which every vehicle must be heard.",
+    help="Time within which every vehicle must answer.",
 )
 @flag(
     "--missing",
-    text="Only drones that do not hold their mission by the record: to try again "
-    "those that failed.",
+    text="Only drones that, by the record, do not have their mission yet: for another "
+    "try.",
 )
-@flag("--no-parameters", text="Leave the parameters of the vehicles as they are.")
+@flag("--no-parameters", text="Do not change the parameters of the vehicles.")
 @json_option
 @quiet_option
 def command(
@@ -60,12 +60,12 @@ def command(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Put missions onto vehicles, read them back, compare, keep a record.
+    """Load missions onto vehicles, read them back, compare, and keep a record.
 
-    OUTPUT/ is the folder that compile wrote. Drone n goes to the vehicle with MAVLink
-    system id n, after the parameters of OUTPUT/missions/ardupilot.parm. A folder mixed
-    from two compiles is refused, and so are two vehicles with one system id, and armed
-    ones. Exits with 0 if every vehicle holds its mission, 1 if one does not.
+    OUTPUT/ is the folder that compile wrote. The vehicle with MAVLink system id n gets
+    the parameters of OUTPUT/missions/ardupilot.parm, then the mission of drone n.
+    Folders with files of two compiles are refused, and so are vehicles that are armed
+    or share a system id. Exits with 0 if every vehicle has its mission, else with 1.
 
     \b
       showc upload output/ --connect udpin:0.0.0.0:14550

@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     "--script",
     type=FILE,
     metavar="SHOW.yaml",
-    help="Trust this script, and not the one in the log, which must equal it.",
+    help="Trust this script instead of the one in the log, which must be the same.",
 )
 @report_options
 @flag(
     "--no-missions",
-    text="Leave the mission files, the manifest and the exports beside the log out.",
+    text="Skip the missions, the manifest and the exports beside the log.",
 )
 @quiet_option
 @foreign_options
@@ -51,19 +51,20 @@ def command(
     quiet: bool,
     rules: Rules,
 ) -> int:
-    """Prove a compiled show from its bytes alone, or judge another tool's show.
+    """Prove a compiled show from its files alone, or check another tool's show.
 
-    Shares no code with the compiler: reads every byte of the log, integrates the
-    controls, bounds every limit and every pair's separation at every instant, compares
-    samples, formations and missions. Prints a table of what was proved, with margins.
+    Shares no planning code with the compiler. Reads every byte of the log, integrates
+    the controls, and bounds every limit and the separation of every pair at every
+    instant. Compares samples, formations and missions with the script. Prints a table
+    of what was proved, with margins.
 
     Exits with 0 if everything is proved, 1 if the show breaks a rule, 2 if the file is
     damaged or not a showc log.
 
-    For a folder that showc export wrote, the exported files are proved again. A .skyc,
-    .skyb files, a CSV zip, poly7 files, a .vviz and an animated glTF are judged at
-    every instant, by the file's own rules and by those asked for: can it be flown, and
-    what does the firmware make of it?
+    For a folder written by showc export, the exported files are proved again. Shows of
+    other tools are a .skyc, .skyb files, a CSV zip, poly7 files, a .vviz or an animated
+    glTF. They are checked at every instant, by the rules in the file and the options
+    given: whether the show can be flown, and what the firmware does with it.
 
     \b
       showc verify output.mcap
@@ -118,6 +119,6 @@ def _proved(
             return verification
         from showc.export.beside import verify_beside
 
-        watcher.stage("exports beside the log")
+        watcher.stage("checking exports beside the log")
         checks = (*verification.checks, *verify_beside(log))
         return replace(verification, checks=checks)

@@ -23,20 +23,20 @@ if TYPE_CHECKING:
     "Where to put the page.  [default: OUTPUT.html]",
 )
 @flag("--open", "show", text="Open it in the browser.")
-@flag("--no-verify", text="Do not verify the log; the page says so.")
-@flag("--music", text="Put the recording that the script names into the page.")
+@flag("--no-verify", text="Do not verify the log. The page says so.")
+@flag("--music", text="Put the recording named in the script into the page.")
 @click.option(
     "--flown",
     type=SHOW,
     multiple=True,
     metavar="RECORD",
-    help="Draw what was flown beside it, as compare reads it; may be repeated.",
+    help="Draw a real flight beside the solved one.  Can be repeated.",
 )
 @click.option(
     "--layout",
     type=FILE,
     metavar="LAYOUT.json",
-    help="Write the layout for Foxglove and Lichtblick too.",
+    help="Also write a layout for Foxglove and Lichtblick.",
 )
 @foreign_options
 def command(
@@ -51,19 +51,20 @@ def command(
 ) -> int:
     """Make a page that plays the show in any browser.
 
-    One self-contained HTML file, made and played without the network. It has the fleet
-    in its colours, with time line, speed and camera; plots of a chosen drone, and of
-    the whole fleet against its limits; the tightest encounter, chapters and cues. It
-    shows the missions' predicted flights and the tubes that showc simulate found in
-    wind. showc verify is run first, and its verdict is shown. With --flown, the flown
-    fleet stands beside the solved one instead of the predicted. RECORD is what stream
-    wrote, a .BIN, a .tlog, or a folder of such. Music plays in step: a file chosen in
-    the page, or with --music the script's.
+    Writes one HTML file that needs no network. It shows the fleet in its colours above
+    a timeline with chapters and cues, plots of one drone and of the whole fleet against
+    its limits, and the closest pair. It can also show the predicted flights of the
+    missions, and the tubes that showc simulate found in wind. showc verify runs first,
+    and the page shows its verdict. Music plays in step: a file chosen in the page, or
+    with --music the recording named in the script.
 
-    Shows of other tools play too, with what showc verify says of them: a .skyc, .skyb
-    files, a CSV zip, poly7 files, a .vviz, an animated glTF, a folder that showc export
-    wrote. The page names what such a file does not say as unknown. Other viewers read
-    the log itself: --layout writes what Foxglove and Lichtblick open it with.
+    With --flown, the page shows a real flight in place of the predicted one. RECORD is
+    a log written by showc stream, a .BIN, a .tlog, or a folder of these.
+
+    Shows of other tools play as well, with the findings of showc verify: a .skyc, .skyb
+    files, a CSV zip, poly7 files, a .vviz, an animated glTF, or a folder written by
+    showc export. The page lists what such a file leaves unknown. Other viewers read the
+    log itself: --layout writes a layout for Foxglove and Lichtblick.
 
     \b
       showc view output.mcap          writes output.html

@@ -66,8 +66,8 @@ def solve_itinerary(
     if options.cluster is not None and not options.cluster.startswith("tls://"):
         progress.note(
             f"the cluster {options.cluster} is used without TLS: anything that "
-            "reaches it can run code on its workers and change what they return; "
-            "see security.md"
+            "reaches it can run code on its workers and change their results; see "
+            "security.md"
         )
     with workers(options.jobs, options.cluster) as crew:
         found: dict[str, LegFlight] = {}
@@ -160,7 +160,7 @@ def _look_up(
     found = dict(known)
     missing: dict[str, Leg] = {}
     flawed = ""
-    progress.stage("look for solved legs", len(keys))
+    progress.stage("looking for solved legs", len(keys))
     for key, leg in zip(keys, itinerary.legs, strict=True):
         progress.advance()
         if key in found or key in missing:
@@ -178,8 +178,8 @@ def _look_up(
             crew.prepare()
     if flawed:
         progress.note(
-            f"what the cache holds is not a flight of its leg ({flawed}); it is "
-            "solved again, and the cache may not be trusted"
+            f"the cache holds a wrong flight ({flawed}); the leg is solved again, and "
+            "the cache should not be trusted"
         )
     kept = sum(key in found and key not in known for key in keys)
     if kept:
@@ -252,7 +252,7 @@ def _side_by_side(
         That of the first leg that has no solution; the others are kept nevertheless.
     """
     found: dict[str, LegFlight] = {}
-    progress.stage(f"solve {len(tasks)} legs side by side", len(tasks))
+    progress.stage(f"solving {len(tasks)} legs in parallel", len(tasks))
     with journals([task.leg.name for task in tasks], progress) as kept:
 
         def keep(number: int, flight: LegFlight | SolveError) -> None:

@@ -377,7 +377,7 @@ class _Solver:
         # HiGHS is loaded only where something is solved.
         from showc.fleet.lower_bound.passing import passing_bound  # noqa: PLC0415
 
-        self.progress.note(f"{leg.name}: bounding what pairs need to pass each other")
+        self.progress.note(f"{leg.name}: bounding how fast pairs can pass each other")
         found = passing_bound(
             self.aircraft, self.separation, leg.start, leg.goal, duration
         )

@@ -207,7 +207,7 @@ class Search:
                 best = repair
                 break
             self.progress.note(
-                f"{self.leg.name}: {repair.trouble}; trying more than {time:.3f} s"
+                f"{self.leg.name}: {repair.trouble}; trying longer than {time:.3f} s"
             )
             late = repair.late
             if late is not None and late not in self.shortest and slower < _SLOWER:
@@ -284,7 +284,7 @@ class Search:
             self.progress.note(
                 f"{self.leg.name}: found {best.duration:.3f} s, "
                 f"{max(100.0 * (best.duration / limiting.time - 1.0), 0.0):.1f} % over "
-                f"the least; trying {middle:.3f} s"
+                f"the minimum; trying {middle:.3f} s"
             )
             repair = self.at(middle, bent)
             if repair.done:

@@ -348,7 +348,7 @@ class _Steps:
         windows, events = self.windows, self._events()
         position, done = 0, 0
         seconds = int(windows.times[-1]) // NANOSECONDS + 1
-        self.progress.stage("write the log", seconds)
+        self.progress.stage("writing the log", seconds)
         for window in windows:
             rows = {int(windows.show_times[k]): k for k in window.steps}
             clouds = dict(

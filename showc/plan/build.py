@@ -69,7 +69,7 @@ def build_itinerary(
     """
     watcher = progress or Silent()
     flown = chapters(show)
-    watcher.stage("assign drones to places", len(flown) + 1)
+    watcher.stage("assigning drones to places", len(flown) + 1)
     builder = _Builder(show, optimal)
     builder.launch()
     for chapter in flown:

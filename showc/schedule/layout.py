@@ -126,7 +126,7 @@ class _Layout:
         launch, land = self.course.launch, self.course.land
         everyone = np.arange(self.show.drones)
         _, pads = self.builder.on_grid(everyone, launch.start)
-        self.progress.stage("missions", len(self.moves) + 2)
+        self.progress.stage("planning missions", len(self.moves) + 2)
         takeoff, staging, launch_closest = self._launch(launch, pads)
         positions = pads.copy()
         positions[takeoff.drones] = takeoff.end
@@ -179,7 +179,7 @@ class _Layout:
             some = self._revised(legs)
             if not some:
                 return legs
-            self.progress.stage("missions, slower where drones swing", len(some))
+            self.progress.stage("slowing legs on which drones overshoot", len(some))
         raise ExportError(
             f"{self.moves[some[0]].leg.name}: drones leave their lines by more than "
             f"{BESIDE:g} m, slowed down {MOST_REVISIONS} times; fly the show with "

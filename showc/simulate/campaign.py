@@ -97,7 +97,7 @@ def campaign(
     legs = [(one.message.name, one.start, one.duration) for one in logged.segments]
     legs = [*legs, (WHOLE, 0.0, logged.duration)]
     spans = [_span(course.times, start, time) for _, start, time in legs]
-    progress.stage(f"fly {weather.runs} times", weather.runs)
+    progress.stage(f"simulating {weather.runs} flights", weather.runs)
     runs = [
         partial(_summed, partial(fly_once, show, course, weather, run, model), spans)
         for run in range(weather.runs)

@@ -198,7 +198,7 @@ def _run(
     network: Network, transfers: list[Transfer], timeout: float, progress: Progress
 ) -> None:
     """Pump messages until every transfer is over."""
-    progress.stage("upload", sum(transfer.steps for transfer in transfers))
+    progress.stage("uploading", sum(transfer.steps for transfer in transfers))
     by_system = {transfer.vehicle.system: transfer for transfer in transfers}
     heard: dict[int, float] = {}
     begun = network.clock.now()

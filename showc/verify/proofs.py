@@ -168,7 +168,8 @@ def _done(
     """Do all parts of the work; what they found, under the same names."""
     parts = [part for some in work.values() for part in some]
     watch.stage(
-        "physics, limits, separation, choreography, samples, missions", len(parts)
+        "proving physics, limits, separation, choreography, samples, missions",
+        len(parts),
     )
     results = iter(side_by_side(parts, jobs, watch.advance))
     return {name: list(islice(results, len(some))) for name, some in work.items()}

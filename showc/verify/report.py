@@ -238,12 +238,12 @@ def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
     if standing == "accepted":
         open_ = next(check for check in checks if check.verdict == "accepted")
         why = "; ".join(open_.notes)
-        return f"NOT PROVED, which the script accepts ({open_.code}: {why})"
+        return f"NOT PROVED, as the script accepts ({open_.code}: {why})"
     parts = []
     near = [c for c in checks if c.code in _NEAREST and c.limit is not None]
     if near:
         worst = min(near, key=lambda check: (check.value or 0.0) - (check.limit or 0.0))
-        parts.append(f"nearest{figure(worst)}")
+        parts.append(f"closest pair{figure(worst)}")
     free = [c.name for c in checks if c.verdict == "skipped" and c.value is not None]
     if free:
         parts.append(f"no limit known for {', '.join(free)}")
@@ -255,7 +255,7 @@ def figure(check: Check) -> str:
     value, limit = check.figures()
     if not value:
         return f": {check.notes[0]}" if check.notes else ""
-    return f" {value}" + (f" of {limit}" if limit else "")
+    return f" {value}" + (f", {limit}" if limit else "")
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a check holds

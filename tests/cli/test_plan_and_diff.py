@@ -48,7 +48,7 @@ def test_one_changed_formation_solves_its_two_neighbours(run_showc, compiled, tm
 def test_diff_says_what_differs(run_showc, compiled):
     grid, swap = compiled("grid"), compiled("swap")
     same = run_showc("diff", grid, grid)
-    assert (same.code, same.out) == (0, "both fly the same\n")
+    assert (same.code, same.out) == (0, "both shows are the same\n")
     other = run_showc("diff", grid, swap, "--json")
     found = json.loads(other.out)
     assert other.code == 1 and found["same"] is False

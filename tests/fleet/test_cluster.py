@@ -244,7 +244,7 @@ def test_whole_legs_go_to_the_cluster_and_leave_nothing_in_our_cache(cluster, tm
     options = make_options(cluster=address, use_cache=True, cache=tmp_path)
     listening = Listening()
     there = solve_itinerary(make_itinerary(legs), options, listening)
-    assert ("solve 2 legs side by side", 2) in listening.stages
+    assert ("solving 2 legs in parallel", 2) in listening.stages
     assert sum("without TLS" in note for note in listening.notes) == 1
     here = solve_itinerary(make_itinerary(legs), make_options(), Silent())
     for one, other in zip(there.legs, here.legs, strict=True):

@@ -12,13 +12,13 @@ def test_the_last_new_line_of_each_task_is_passed_on(tmp_path):
     first, second = (Journal(path) for path in kept.paths)
     kept.listen()
     assert listening.notes == []
-    first.note("one: conflicts left: 3")
-    first.note("one: conflicts left: 2")
+    first.note("one: 3 conflicts remain")
+    first.note("one: 2 conflicts remain")
     second.note("two: found 3.5 s")
     kept.listen()
     kept.listen()
     assert listening.notes == [
-        "one: conflicts left: 2 (0 s)",
+        "one: 2 conflicts remain (0 s)",
         "two: found 3.5 s (0 s)",
     ]
 
@@ -31,7 +31,7 @@ def test_those_at_work_are_named_where_nothing_is_said(tmp_path, monkeypatch):
         Journal(path)
     kept.close(0)
     kept.listen()
-    assert listening.notes == ["at work after 0 s: two"]
+    assert listening.notes == ["after 0 s still solving: two"]
 
 
 def test_a_task_without_a_file_or_whose_file_is_gone_says_nothing():

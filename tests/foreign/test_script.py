@@ -164,7 +164,7 @@ def test_diff_says_what_each_flight_gains(tmp_path):
         "the flights of both, 16 % less [s]: 19.0 -> 16.0",
     ]
     same = CliRunner().invoke(diff, [str(slow), str(slow)], standalone_mode=False)
-    assert (same.return_value, same.output) == (0, "both fly the same\n")
+    assert (same.return_value, same.output) == (0, "both shows are the same\n")
 
 
 def test_diff_holds_a_file_against_a_log(tmp_path):

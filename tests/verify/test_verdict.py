@@ -44,15 +44,15 @@ def test_only_what_is_proved_or_accepted_ends_with_zero(flight, missions, proved
 def test_the_verdict_names_both_sides_with_their_worst_figures():
     found = verification(GOOD, MISSION).verdict
     assert found == (
-        "PROVED: trajectories proved (nearest 1.5 m of limit 1); "
-        "missions proved (nearest 1.2 m of limit 0.97)."
+        "PROVED: trajectories proved (closest pair 1.5 m, limit 1); "
+        "missions proved (closest pair 1.2 m, limit 0.97)."
     )
 
 
 def test_what_the_script_accepts_stays_visible():
     found = verification(GOOD, with_verdict(MISSION, "accepted"))
     assert (
-        "missions NOT PROVED, which the script accepts (VRF411: why)" in found.verdict
+        "missions NOT PROVED, as the script accepts (VRF411: why)" in found.verdict
     )
     assert render_text(found).splitlines()[0] == found.verdict
 
@@ -67,7 +67,7 @@ def test_a_failure_is_named_with_its_figure():
     bad = Check("VRF411", "missions", "apart", "fail", 0.19, 0.97, "m")
     found = verification(GOOD, bad).verdict
     assert found.startswith("NOT PROVED: trajectories proved")
-    assert "1 of 1 checks; VRF411: apart 0.19 m of limit 0.97" in found
+    assert "1 of 1 checks; VRF411: apart 0.19 m, limit 0.97" in found
 
 
 @pytest.mark.parametrize(

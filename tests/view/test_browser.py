@@ -400,7 +400,7 @@ def test_report_prints(tab, tmp_path, gliding_log):
         "passed": False,
         "proved": False,
         "anchor": "script “a”",
-        "verdict": "NOT PROVED: trajectories not proved (nearest 0.13 m of limit 1)",
+        "verdict": "NOT PROVED: trajectories not proved (closest pair 0.13 m, limit 1)",
         "checks": [check],
     }
     path.write_text(render_report(gliding_log, verification), "utf-8")

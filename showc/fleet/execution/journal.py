@@ -76,7 +76,7 @@ class Journals:
         if working and now - self._heard >= _QUIET:
             self._heard = now
             self._progress.note(
-                f"at work after {now - self._begun:.0f} s: {', '.join(working)}"
+                f"after {now - self._begun:.0f} s still solving: {', '.join(working)}"
             )
 
 
