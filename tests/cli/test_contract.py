@@ -140,7 +140,7 @@ def test_an_interrupted_compile_leaves_the_former_files(run_showc, compiled, tmp
         stderr=subprocess.PIPE, env=os.environ, start_new_session=True, text=True,
     )  # fmt: skip
     for line in process.stderr:
-        if "side by side" in line:  # its legs are under way
+        if "in parallel" in line:  # its legs are under way
             break
     os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=60)

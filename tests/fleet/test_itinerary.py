@@ -43,7 +43,7 @@ def test_legs_alike_are_solved_once():
     listening = Listening()
     options = make_options(use_cache=False)
     flight = solve_itinerary(make_itinerary(there_and_back()), options, listening)
-    (stage,) = [stage for stage in listening.stages if "side by side" in stage[0]]
+    (stage,) = [stage for stage in listening.stages if "in parallel" in stage[0]]
     assert stage == ("solving 2 legs in parallel", 2)
     assert flight.legs[0].trajectories is flight.legs[2].trajectories
     assert flight.legs[2].leg.index == 2
