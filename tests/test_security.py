@@ -37,7 +37,7 @@ SAID = (
     f"| {files.TOTAL_BYTES // MB} MB |",
     f"| findings shown | {document.MAX_FOUND} |",
     f"| {load.MAX_SECONDS:.0f} s |",
-    f"farther than {gallery.FARTHEST / 1000:,.0f} km",
+    f"within {gallery.FARTHEST / 1000:,.0f} km",
 )
 
 
