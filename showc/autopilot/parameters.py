@@ -104,7 +104,11 @@ class Parameters:
     cruise_speed: float = 10.0
     """WPNAV_SPEED [m/s], until a mission sets another."""
     speed_up: float = 4.0
-    """WPNAV_SPEED_UP [m/s]."""
+    """Greatest climb speed of a leg [m/s]."""
+    climb_speed: float = 4.0
+    """WPNAV_SPEED_UP [m/s], of take-off and climb: an autopilot whose parameters were
+    loaded since it was built takes its vertical speeds from them once more when it
+    first flies to a waypoint, whatever its mission has said before."""
     speed_down: float = 3.0
     """WPNAV_SPEED_DN [m/s]."""
     acceleration: float = 3.5
@@ -137,12 +141,14 @@ def parameters_for(show: Show) -> Parameters:
     parameter file stores it.
     """
     measured = Parameters()
+    up = min(measured.speed_up, show.limits.velocity_max[2])
     tilt = floor(100.0 * STANDARD_GRAVITY * tan(show.limits.tilt)) / 100.0
     return replace(
         measured,
         speed=WINDY_SPEED if show.site.wind else measured.speed,
         acceleration=max(0.5, min(measured.acceleration, tilt)),
-        speed_up=_on_grid(min(measured.speed_up, show.limits.velocity_max[2])),
+        speed_up=_on_grid(up),
+        climb_speed=_on_grid(min(up, show.launch.climb_speed)),
         speed_down=_on_grid(min(measured.speed_down, -show.limits.velocity_min[2])),
         descent_speed=_on_grid(min(measured.descent_speed, show.landing.descent_speed)),
     )
@@ -157,7 +163,7 @@ def parameter_file(parameters: Parameters) -> bytes:
     """Return the ``.parm`` file to load onto every vehicle before the missions."""
     centi = {
         "WPNAV_SPEED": parameters.cruise_speed,
-        "WPNAV_SPEED_UP": parameters.speed_up,
+        "WPNAV_SPEED_UP": parameters.climb_speed,
         "WPNAV_SPEED_DN": parameters.speed_down,
         "WPNAV_ACCEL": parameters.acceleration,
         "WPNAV_ACCEL_Z": parameters.acceleration_vertical,

@@ -46,7 +46,7 @@ def takeoff_times(heights: Sequence[int], parameters: Parameters) -> FloatArray:
     ``heights`` (n,) [cm] above the ground; the result (n,) [s]. Against a transcription
     of the autopilot's controllers it is right to 0.005 s.
     """
-    up, acceleration = parameters.speed_up, parameters.acceleration_vertical
+    up, acceleration = parameters.climb_speed, parameters.acceleration_vertical
     return np.array(
         [_takeoff_time(0.01 * height, up, acceleration) for height in heights]
     )

@@ -96,7 +96,6 @@ class Encoder:
             writers[drone].show(shown[row])
         for row, drone in enumerate(staging.drones):
             writer = writers[drone]
-            writer.first_speeds(staging, row)
             writer.waypoint(staging.stored, row)
             writer.clock += climbs[row]
         for writer in writers:
@@ -155,10 +154,10 @@ class _Writer:
         parameters = encoder.parameters
         self.limits = {
             SpeedKind.LEVEL: parameters.cruise_speed,
-            SpeedKind.CLIMB: parameters.speed_up,
+            SpeedKind.CLIMB: parameters.climb_speed,
             SpeedKind.DESCENT: parameters.speed_down,
         }
-        self.defaults = dict(self.limits)
+        self.defaults = self.limits | {SpeedKind.CLIMB: parameters.speed_up}
         self.pulses: IntArray | None = None
         self.home = MissionItem(
             Command.NAV_WAYPOINT,
@@ -250,19 +249,6 @@ class _Writer:
             self._speed(other, self.defaults[other])
         if self.limits[steered] != command:
             self._speed(steered, command)
-
-    def first_speeds(self, stage: Stage, row: int) -> None:
-        """Set the speeds of the leg after take-off.
-
-        The first item after take-off is carried out before the navigator of legs
-        starts, and then takes its speeds from the parameters: that item is lost, and
-        must be one that is said twice.
-        """
-        count = len(self.items)
-        self.speeds(stage, row)
-        first_of_all = self.items[count - 1].command is Command.NAV_TAKEOFF
-        if len(self.items) > count and first_of_all:
-            self.items.insert(count, self.items[count])
 
     def forget_speeds(self) -> None:
         """Say all speeds again that matter.

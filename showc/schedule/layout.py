@@ -430,8 +430,10 @@ class _Layout:
         climb = leg.goal - pads[leg.drones]
         part = np.minimum(TAKEOFF_HEIGHT / np.maximum(climb[:, 2], 1e-9), 0.5)
         middle = pads[leg.drones] + part[:, None] * climb
-        speed = self.show.launch.climb_speed
-        takeoff = self.builder.build(leg.drones, pads[leg.drones], middle, leg.limits)
+        speed = self.builder.parameters.climb_speed
+        takeoff = self.builder.build(
+            leg.drones, pads[leg.drones], middle, leg.limits, speed=speed
+        )
         staging = self.builder.build(
             leg.drones, middle, leg.goal, leg.limits, speed=speed
         )

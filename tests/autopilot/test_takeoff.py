@@ -30,7 +30,7 @@ accelerations = st.floats(0.8, 3.0)
 
 
 def times(heights, speed, acceleration):
-    parameters = Parameters(speed_up=speed, acceleration_vertical=acceleration)
+    parameters = Parameters(climb_speed=speed, acceleration_vertical=acceleration)
     return takeoff_times(heights, parameters)
 
 

@@ -431,7 +431,8 @@ def test_the_parameter_file_names_its_firmware(missions):
         line.split(",") for line in content.splitlines() if not line.startswith("#")
     )
     assert values["WPNAV_ACCEL"] == "350" and values["WPNAV_JERK"] == "20"
-    assert values["WPNAV_SPEED_UP"] == "400" and values["WPNAV_SPEED_DN"] == "300"
+    # The first is the launch's, at 3 m/s; legs say theirs.
+    assert values["WPNAV_SPEED_UP"] == "300" and values["WPNAV_SPEED_DN"] == "300"
     assert values["WPNAV_ACCEL_Z"] == "250" and values["PSC_JERK_XY"] == "20"
 
 
@@ -493,6 +494,21 @@ def test_missions_without_lights_say_so(missions):
     assert not any("no lights" in line for line in missions.warnings)
     dark = mission_files(shift_flight(2), start=START)
     assert any("no lights" in line for line in dark.warnings)
+
+
+def test_take_off_and_climb_are_as_slow_as_the_launch_asks():
+    # A speed said before the climb comes when that has begun: slow ones were lost.
+    flight = shift_flight(2)
+    show = flight.itinerary.show
+    slow = replace(show, launch=replace(show.launch, climb_speed=0.5))
+    slow_flight = replace(flight, itinerary=replace(flight.itinerary, show=slow))
+    found = mission_files(slow_flight, start=START)
+    assert b"\nWPNAV_SPEED_UP,50\n" in found.files["missions/ardupilot.parm"]
+    table = rows(text(found))
+    climb = commands(table).index(WAYPOINT, 1)
+    assert SPEED not in commands(table)[:climb]
+    rising = [float(row[5]) for row in table if row[3] == SPEED and row[4] == 2]
+    assert max(rising) > 0.5
 
 
 def test_every_speed_is_said_again_before_the_first_timed_leg(missions):

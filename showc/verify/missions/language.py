@@ -108,17 +108,14 @@ def read_mission(content: bytes, autopilot: str = "ardupilot") -> Mission:
         raise MissionFormatError(f"its rows are no mission, but {sentence:.80}")
     home = items[0] if autopilot == "ardupilot" else None
     if home is not None:
-        _check_take_off(*items)
+        _check_take_off(*items[:2])
     return Mission(home, tuple(items[home is not None :]))
 
 
-def _check_take_off(home: Item, takeoff: Item, *rest: Item) -> None:
+def _check_take_off(home: Item, takeoff: Item) -> None:
     place = home.latitude, home.longitude
     if (takeoff.latitude, takeoff.longitude) != place:
         raise MissionFormatError("line 3: takes off elsewhere than from its home")
-    # The first item after a take-off is lost if it sets a speed: it is said twice.
-    if rest[0].word == "S" and rest[1] != rest[0]:
-        raise MissionFormatError("line 4: a speed after the take-off is said only once")
 
 
 @lru_cache(maxsize=1 << 16)

@@ -301,7 +301,7 @@ def parameters(show: Show) -> dict[str, float]:
     allowed = (
         ("LAND_SPEED_HIGH", 10, show.landing.descent_speed),
         ("WPNAV_SPEED_DN", 10, -limits.velocity_min[2]),
-        ("WPNAV_SPEED_UP", 10, limits.velocity_max[2]),
+        ("WPNAV_SPEED_UP", 10, min(limits.velocity_max[2], show.launch.climb_speed)),
         ("WPNAV_ACCEL", 50, CONSTANTS["gravity"] * tan(limits.tilt)),
     )
     values = dict(KNOWN["parameters"])

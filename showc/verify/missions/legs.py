@@ -12,6 +12,7 @@ import numpy as np
 from showc.verify.missions.language import MissionFormatError
 from showc.verify.missions.law import (
     CONSTANTS,
+    KNOWN,
     Law,
     Profiles,
     fastest_level,
@@ -233,8 +234,9 @@ def fleet_legs(
     level, climb, descent = np.array([row.speeds for row in flights]).T
     vertical = np.where(step[:, 2] > 0.0, climb, descent)
     flown = profiles(step, level, vertical, Law.of(values), script.site.wind)
-    up, down = (values[f"WPNAV_SPEED_{way}"] / 100.0 for way in ("UP", "DN"))
-    rise = np.where(step[:, 2] > 0.0, up, down)
+    most = 100.0 * script.limits.velocity_max[2]
+    up = min(KNOWN["parameters"]["WPNAV_SPEED_UP"], most)
+    rise = 0.01 * np.where(step[:, 2] > 0.0, up, values["WPNAV_SPEED_DN"])
     speed = np.where(flown.length > 0.0, flown.speed, 0.0)
     upright = speed * np.sqrt(1.0 - np.minimum(flown.level, 1.0) ** 2)
     share = np.maximum(speed * flown.level / fastest_level(script), upright / rise)
