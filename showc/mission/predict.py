@@ -11,7 +11,7 @@ import numpy as np
 
 from showc.autopilot.parameters import LAND_SLOW_HEIGHT, LAND_SLOW_SPEED
 from showc.autopilot.s_curve import fitting_speed, leg_limits, profile
-from showc.autopilot.takeoff import takeoff_times
+from showc.autopilot.takeoff import takeoff_risen, takeoff_times
 from showc.autopilot.timing import CLOCK_LAG, LEAST_SPREAD, LIFT_OFF
 from showc.autopilot.tracking import INSTANT
 from showc.processes import side_by_side
@@ -161,11 +161,14 @@ class PredictedFlight:
         took = takeoff_times(heights, self.parameters)
         follow = np.zeros(line.pads.shape[0])
         follow[line.takeoff.drones] = LIFT_OFF + took
-        # The law of a leg as high, drawn out to the time that a take-off takes.
-        rate = line.takeoff.followed / took
-        since = (times - LIFT_OFF) * rate
-        takeoff = partial(_climbed, line.takeoff)
-        yield line.takeoff.drones, since, line.takeoff.followed, takeoff
+        since = np.broadcast_to(times - LIFT_OFF, (len(times), took.size))
+        climb = line.takeoff.end - line.takeoff.begin
+
+        def rise(elapsed: FloatArray) -> FloatArray:
+            part = takeoff_risen(heights, self.parameters, elapsed)
+            return np.asarray(part[..., None] * climb)
+
+        yield line.takeoff.drones, since, took, rise
         stage = line.staging
         since = times - follow[stage.drones]
         yield stage.drones, since, stage.followed, partial(_climbed, stage)

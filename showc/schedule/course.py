@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
+from showc.autopilot.takeoff import LEAST_HEIGHT
 from showc.errors import ExportError
 from showc.script.lanes import least_rest
 
@@ -73,7 +74,7 @@ class Course:
         ------
         ExportError
             If missions cannot carry it: it is not one launch, transitions and one
-            landing, or a formation moves while it is held.
+            landing, its launch is too low, or a formation moves while it is held.
         """
         _refuse_motions(legs)
         found: list[Step] = []
@@ -102,6 +103,13 @@ class Course:
             )
         first, *steps, last = found
         launch, land = first.moves[0].leg, last.moves[0].leg
+        lowest = float((launch.goal - launch.start)[:, 2].min())
+        if lowest <= LEAST_HEIGHT:
+            raise ExportError(
+                f"the launch ends {lowest:g} m above a pad, and an autopilot takes off "
+                f"to {LEAST_HEIGHT:g} m at least; raise `launch: altitude:`, or fly "
+                "the log with `showc stream`"
+            )
         return cls(launch, first.hold, tuple(steps), land)
 
     @classmethod

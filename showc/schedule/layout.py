@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.autopilot.following import SETTLING
+from showc.autopilot.takeoff import LEAST_HEIGHT
 from showc.autopilot.timing import (
     ANYTIME,
     CLOCK_LAG,
@@ -428,16 +429,13 @@ class _Layout:
     ) -> tuple[Stage, Stage, Encounter | None]:
         """Untimed climb: a short take-off and a waypoint above it."""
         climb = leg.goal - pads[leg.drones]
-        part = np.minimum(TAKEOFF_HEIGHT / np.maximum(climb[:, 2], 1e-9), 0.5)
-        middle = pads[leg.drones] + part[:, None] * climb
+        height = np.clip(0.5 * climb[:, 2], LEAST_HEIGHT, TAKEOFF_HEIGHT)
+        middle = pads[leg.drones] + (height / climb[:, 2])[:, None] * climb
+        build = partial(self.builder.build, leg.drones)
         speed = self.builder.parameters.climb_speed
-        takeoff = self.builder.build(
-            leg.drones, pads[leg.drones], middle, leg.limits, speed=speed
-        )
-        staging = self.builder.build(
-            leg.drones, middle, leg.goal, leg.limits, speed=speed
-        )
-        whole = self.builder.build(leg.drones, pads[leg.drones], leg.goal, leg.limits)
+        takeoff = build(pads[leg.drones], middle, leg.limits, speed=speed)
+        staging = build(middle, leg.goal, leg.limits, speed=speed)
+        whole = build(pads[leg.drones], leg.goal, leg.limits)
         return takeoff, staging, self._untimed(whole, pads, "launch")
 
     def _untimed(

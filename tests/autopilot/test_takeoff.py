@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from mission.flights import hop_flight, shift_flight
 
 from showc.autopilot.parameters import Parameters
-from showc.autopilot.takeoff import takeoff_times
+from showc.autopilot.takeoff import takeoff_risen, takeoff_times
 from showc.autopilot.timing import LIFT_OFF
 from showc.mission import mission_files
 from showc.mission.predict import descent
@@ -42,6 +42,22 @@ def test_takeoffs_last_as_long_as_they_are_flown(speed, acceleration, height, fl
 def test_the_measured_takeoff():
     # From AUTO to the waypoint at 2.5 m: 3.49 to 3.50 s in simulation.
     assert LIFT_OFF + times([250], 4.0, 2.5)[0] == pytest.approx(3.495, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("speed", "since", "measured"),
+    # At times since AUTO, to 2.5 m in simulation; the height of the vehicle itself.
+    [
+        (2.0, [1.5, 2.0, 2.5, 3.0, 3.5], [0.17, 0.93, 1.70, 2.26, 2.54]),
+        (4.0, [1.5, 2.0, 2.5, 3.0, 3.5], [0.18, 0.95, 1.72, 2.28, 2.56]),
+        (0.5, [2.0, 3.0, 4.0, 5.0, 6.0], [0.39, 0.83, 1.29, 1.79, 2.27]),
+    ],
+)
+def test_takeoffs_rise_as_they_were_flown(speed, since, measured):
+    parameters = Parameters(climb_speed=speed)
+    elapsed = np.array(since)[:, None] - LIFT_OFF
+    risen = 2.5 * takeoff_risen([250], parameters, elapsed)[:, 0]
+    assert risen == pytest.approx(measured, abs=0.15)
 
 
 @settings(max_examples=30)

@@ -35,15 +35,15 @@ def shift_flight(drones, shift=(12.0, 8.0, 4.0), spacing=2.0, options=None, fade
     return _show(pads, level, first, second, options=options, fades=fades)
 
 
-def hop_flight(drones=3):
+def hop_flight(drones=3, altitude=2.0):
     """A short show: up, higher, back and down, within a few metres and seconds."""
     pads = grid(drones)
-    level, top = raised(pads, 2.0), raised(pads, 3.5)
+    level, top = raised(pads, altitude), raised(pads, 3.5)
     formations = [
         formation("pads", pads, [0.0, 0.0, 0.0]),
         formation("top", top, [1.0, 1.0, 1.0]),
     ]
-    show = make_show(formations, drones, holds=[0.5], altitude=2.0)
+    show = make_show(formations, drones, holds=[0.5], altitude=altitude)
     show = replace(
         show,
         launch=replace(show.launch, hold=0.5),

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta, timezone
 
 import numpy as np
 import pytest
-from mission.flights import START, rows, shift_flight, swap_flight
+from mission.flights import START, hop_flight, rows, shift_flight, swap_flight
 from synthetic import gliding_flight
 
 from showc.errors import ExportError, UsageError
@@ -509,6 +509,18 @@ def test_take_off_and_climb_are_as_slow_as_the_launch_asks():
     assert SPEED not in commands(table)[:climb]
     rising = [float(row[5]) for row in table if row[3] == SPEED and row[4] == 2]
     assert max(rising) > 0.5
+
+
+@pytest.mark.parametrize(("altitude", "height"), [(1.4, 1.002), (3.0, 1.502)])
+def test_takeoffs_go_to_a_metre_at_least(altitude, height):
+    # ArduCopter raises what is lower: to 0.4 m it rose to 1.03 m.
+    found = mission_files(hop_flight(1, altitude), start=START)
+    assert rows(text(found))[1][10] == height
+
+
+def test_a_launch_below_a_metre_has_no_missions():
+    with pytest.raises(ExportError, match=r"the launch ends 0\.8 m above a pad"):
+        mission_files(hop_flight(1, 0.8), start=START)
 
 
 def test_every_speed_is_said_again_before_the_first_timed_leg(missions):

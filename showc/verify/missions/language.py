@@ -134,9 +134,9 @@ def _item(text: str, first: bool) -> Item:  # noqa: FBT001 - which of two rows
         raise MissionFormatError("names a place that is nowhere on the globe")
     if frame == MISSION and (*degrees, height) != (0, 0, 0.0):
         raise MissionFormatError("names a place, and its command has none")
-    most = RULES["greatest_takeoff"]
-    if word == "T" and not 0.0 < height <= most + 0.002:
-        text = f"takes off to {height:g} m; more than {most:g} m is not known"
+    low, high = RULES["takeoff"]
+    if word == "T" and not low <= height <= high + 0.002:
+        text = f"takes off to {height:g} m; known are {low:g} to {high:g} m"
         raise MissionFormatError(text)
     if frame == RELATIVE and not _stored(height):
         raise MissionFormatError(f"height {height:.3f} m is not a stored one")
