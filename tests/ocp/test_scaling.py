@@ -158,6 +158,8 @@ def test_a_boundary_condition_in_any_unit_is_kept_as_well(factor):
     problem.boundary_constraints[0] = replace(circular, symbol=factor * circular.symbol)
     solution = ocp.solve(problem)
     assert solution.result is ocp.Result.SOLVED, solution.message
+    # Where the heading is in another valley of the Hamiltonian it is 1.5252589.
+    assert solution.objective == pytest.approx(1.5252777006, rel=1e-7)
     end = solution.phases[0].states(solution.duration).ravel()
     names = list(solution.phases[0].state_names)
     off = end[names.index("vt")] - 1.0 / np.sqrt(end[names.index("r")])

@@ -42,9 +42,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.ocp.guess import Guess
+    from showc.ocp.mesh import Mesh
     from showc.ocp.refinement.attempts import Attempts
     from showc.ocp.refinement.switches import Structure
     from showc.ocp.solution import Solution
+    from showc.ocp.transcription.solver import SolverOptions
 
 
 class Hp(Collocated):
@@ -112,9 +114,8 @@ class Hp(Collocated):
         switching, former_before = proposal.places_switches, self.attempts.former
         base = self.options.solver
         unknowns = self.attempts.unknowns(proposal.mesh)
-        limit = base.iterations
         if switching:
-            limit = min(limit, int(np.clip(TRIAL_EFFORT / unknowns, 60, 200)))
+            base = self._trial(proposal.mesh)
         accuracy = base.tolerance
         # What the solver left open is no fault of the mesh.
         error = current.error.objective - self._left_open(current)
@@ -130,11 +131,7 @@ class Hp(Collocated):
             current.solution,
             arcs=proposal.arcs,
             structures=proposal.structures,
-            solver=replace(
-                base,
-                iterations=limit,
-                tolerance=accuracy,
-            ),
+            solver=replace(base, tolerance=accuracy),
         )
         if not switching and not self._forward(solution, current):
             proposal, solution = self._afresh(proposal, current, solution)
@@ -154,6 +151,12 @@ class Hp(Collocated):
         else:
             self.accept(fresh)
         return fresh
+
+    def _trial(self, mesh: Mesh) -> SolverOptions:
+        """Options of a solve that is given up soon: arcs, say, that may be wrong."""
+        base = self.options.solver
+        most = int(np.clip(TRIAL_EFFORT / self.attempts.unknowns(mesh), 60, 200))
+        return replace(base, iterations=min(base.iterations, most))
 
     def _forward(self, solution: Solution, current: Judgement) -> bool:
         """Whether the solver found a solution, and none that is clearly worse."""
@@ -310,6 +313,7 @@ class Hp(Collocated):
             better_guess(solution, current.audits),
             arcs=tuple(part.arc_durations for part in solution.phases),
             structures=current.structures,
+            solver=self._trial(solution.mesh),
         )
         sign = -1.0 if self.problem.maximises else 1.0
         gain = sign * (solution.objective - fresh.objective)

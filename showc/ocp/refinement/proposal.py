@@ -76,8 +76,13 @@ def inner_degree(auditor: PhaseAuditor, control: int) -> int:
     return INNER_DEGREE if loose else -1
 
 
-def _structure(judgement: Judgement, auditor: PhaseAuditor, table: Table) -> Structure:
-    """Arcs of one phase of a solution."""
+def _structure(
+    judgement: Judgement,
+    auditor: PhaseAuditor,
+    table: Table,
+    preferred: IntArray | None,
+) -> Structure:
+    """Arcs of one phase of a solution; ``preferred`` as :func:`detect` takes it."""
     return detect(
         judgement.solution.phases[auditor.index],
         auditor.control_bounds(table),
@@ -87,7 +92,7 @@ def _structure(judgement: Judgement, auditor: PhaseAuditor, table: Table) -> Str
             auditor.path_bounds(table),
         ),
         drives=auditor.drives,
-        preferred=_preferred(judgement, auditor, table),
+        preferred=preferred,
     )
 
 
@@ -124,7 +129,11 @@ def place_switches(
     Arcs are believed only where dynamics and optimality are about right and the mesh
     has at least two intervals for each; ``refused`` are structures that did not help.
     """
-    found = [_structure(judgement, auditor, table) for auditor in auditors]
+    wrong = [_preferred(judgement, auditor, table) for auditor in auditors]
+    found = [
+        _structure(judgement, auditor, table, preferred)
+        for auditor, preferred in zip(auditors, wrong, strict=True)
+    ]
     if not _credible(judgement, found):
         return None
     meshes: list[PhaseMesh] = []
@@ -132,11 +141,18 @@ def place_switches(
     structures: list[Structure | None] = []
     decisions: list[tuple[Decision, ...]] = []
     placed = 0
-    for auditor, part, known, structure in zip(
-        auditors, judgement.solution.phases, judgement.structures, found, strict=True
+    for auditor, part, known, structure, preferred in zip(
+        auditors,
+        judgement.solution.phases,
+        judgement.structures,
+        found,
+        wrong,
+        strict=True,
     ):
         count = structure.times.size
-        least = 1 if known is None else max(known.times.size, 1)
+        # An arc of no length is left out only if it is at the wrong bound.
+        kept = 0 if known is None or preferred is not None else known.times.size
+        least = max(kept, 1)
         believed = least <= count <= part.mesh.intervals // 2
         settled = known is not None and not _moved(part, structure)
         seen = [known, *refused] if known and settled else list(refused)
