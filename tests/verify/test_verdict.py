@@ -51,9 +51,7 @@ def test_the_verdict_names_both_sides_with_their_worst_figures():
 
 def test_what_the_script_accepts_stays_visible():
     found = verification(GOOD, with_verdict(MISSION, "accepted"))
-    assert (
-        "missions NOT PROVED, as the script accepts (VRF411: why)" in found.verdict
-    )
+    assert "missions NOT PROVED, as the script accepts (VRF411: why)" in found.verdict
     assert render_text(found).splitlines()[0] == found.verdict
 
 
