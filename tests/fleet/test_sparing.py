@@ -116,4 +116,4 @@ def test_plan_and_page_say_what_is_saved_and_verify_proves_it(tmp_path, run_show
     assert run_showc("verify", log).code == 0
     run_showc("safety", log)
     page = log.with_name("spare-safety.html").read_text(encoding="utf-8")
-    assert "Prefers energy" in page
+    assert "Move that saves energy" in page

@@ -157,7 +157,7 @@ def test_how_a_motion_is_joined_as_soon_as_can_be_is_not_known(joins, message):
         joined(script)
     (found,) = read_show(f"{script}mission: {{wanted: false}}\n".encode()).errors
     assert found.code == "SHW213"
-    assert "is not known, and the motion that it" in found.message
+    assert "has no fixed duration, and the motion that it" in found.message
     # At rest at both ends it may last as long as it likes.
     assert joined(JOINED.replace(", arrive: moving", ""))
 

@@ -72,8 +72,8 @@ def test_groups_fly_at_the_same_time_in_missions_and_all_is_proved(case):
 
 
 def test_slots_follow_the_cues_by_one_shift_of_the_clock(case):
-    said = [line for line in case.missions.warnings if "the music is" in line]
-    shift = float(said[0].split("the music is ")[1].split()[0]) - 4.0
+    said = [line for line in case.missions.warnings if "start the music " in line]
+    shift = float(said[0].split("start the music ")[1].split()[0]) - 4.0
     timeline = case.missions.predicted.timeline
     assert shift == pytest.approx(timeline.shift, abs=0.05)
     asked = {"launch -> up": 24.0, "launch -> far": 42.0, "up -> down": 40.0}
@@ -133,7 +133,7 @@ def test_a_move_that_cannot_be_apart_waits_for_the_other_and_is_late():
     assert (right.leg.name, left.leg.name) == ("launch -> far", "up -> down")
     assert left.arrival < right.releases[0] or right.arrival < left.releases[0]
     assert max(right.late, left.late) > 1.0
-    (late,) = [one for one in mission_outlook(itinerary).notes if " late in " in one]
+    (late,) = [one for one in mission_outlook(itinerary).notes if " late: " in one]
     assert "`showc stream` keeps all times" in late
 
 

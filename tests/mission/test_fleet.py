@@ -485,7 +485,7 @@ def test_what_the_missions_leave_out_of_the_lights_is_said_by_group():
         said = [line for line in missions.warnings if "colour effects" in line]
         assert len(said) == 1
         assert said[0].endswith("pulse over red, rainbow over green (group left)")
-        fades = [line for line in missions.warnings if "fades" in line]
+        fades = [line for line in missions.warnings if "linear fade" in line]
         assert len(fades) == 1
         assert "(group left)" in fades[0]
 

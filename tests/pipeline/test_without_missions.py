@@ -51,4 +51,4 @@ def test_the_log_is_written_whatever_becomes_of_the_missions(run_showc, tmp_path
     assert {path.name for path in (tmp_path / "hour").iterdir()} == {"manifest.json"}
     # The same was to be had before the solve.
     foreseen = run_showc("plan", "hour.yaml", cwd=tmp_path)
-    assert "missions: none" in foreseen.out and "--start" in foreseen.out
+    assert "no missions: " in foreseen.out and "--start" in foreseen.out

@@ -144,4 +144,4 @@ def test_hovering_explains_a_key(opened, server):
         "textDocument/hover",
         {"textDocument": {"uri": uri}, "position": {"line": 2, "character": 3}},
     )
-    assert "How far two drones stay apart" in json.dumps(hover)
+    assert "Distance that any two drones keep" in json.dumps(hover)

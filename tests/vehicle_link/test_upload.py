@@ -149,7 +149,7 @@ def test_system_ids_are_paired_with_drones_in_order():
     assert system_ids(numbers("251-253"), numbers("1-3")) == {251: 1, 252: 2, 253: 3}
     assert system_ids([1, 2], None) is None
     for drones in (None, [251]):
-        with pytest.raises(UsageError, match="as many of both"):
+        with pytest.raises(UsageError, match="the same number of both"):
             system_ids(drones, [1, 2])
 
 
