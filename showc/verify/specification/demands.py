@@ -247,6 +247,7 @@ class _Walk:
 
         Where a group moves on in the leg, its goal is where it is at the end of a move.
         """
+        apart = own_times(transitions)
         others, resting = np.ones((2, self.show.drones), dtype=bool)
         colours = self.colours.copy()
         self.placed, moved = [], []
@@ -272,13 +273,13 @@ class _Walk:
             colours[members] = shown(transition, formation, places)
         stay = _near(segment.goals[others], self.before[others])
         # Groups that keep times of their own fly round all others.
-        if segment.message.moves:
+        if apart:
             stay &= bool(self.lanes.waits(self.fleet[others]).all())
         if not stay:
             self._wrong(segment, "drones of no group do not stay where they are")
         self.colours = colours
         self.leaving = not resting.all()
-        if segment.message.moves:
+        if apart:
             self.demands.moves += sorted(moved, key=lambda move: move.start)
             if (np.abs(segment.ends()[1][resting][:, AT_REST]) > JOINT).any():
                 self._wrong(segment, "drones that are not left in motion do not rest")
