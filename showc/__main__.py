@@ -1,6 +1,6 @@
 """``python -m showc`` and the ``showc`` command: faults become messages here.
 
-A fault that the user can mend is one message and an exit code. A fault of our own
+A fault that the user can fix is one message and an exit code. A fault of our own
 says so, leaves a file to report, and ends with 70 (sysexits' EX_SOFTWARE).
 """
 
@@ -35,7 +35,7 @@ _OF_THE_SYSTEM = {
     errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG, errno.EMFILE,
     errno.ENFILE, errno.ENOMEM, errno.EAGAIN,
 }  # fmt: skip
-"""What only the system's owner can mend: full disks, too few files or processes."""
+"""What only the owner of the system can fix: full disks, too few files or processes."""
 
 
 def main(arguments: list[str] | None = None) -> None:

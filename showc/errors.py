@@ -1,6 +1,6 @@
 """What can go wrong, by the person that can act on it.
 
-A :class:`ShowError` is the user's to mend: the command line prints its message,
+A :class:`ShowError` is for the user to fix: the command line prints its message,
 never a traceback, and ends with its ``exit_code``. Anything else that escapes is
 a fault of showc itself; the command line says so and leaves a report file.
 
@@ -14,7 +14,7 @@ from typing import ClassVar
 
 
 class ShowError(Exception):
-    """Base of every fault a user can mend.
+    """Base of every fault that a user can fix.
 
     The message says what was found, what was wanted, where, and what to do.
     """

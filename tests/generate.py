@@ -13,7 +13,7 @@ import ocp_reference  # noqa: E402
 import script_reference  # noqa: E402
 import tutorial  # noqa: E402
 
-from showc.script.schema import schema_text  # noqa: E402
+from showc.script.language.schema import schema_text  # noqa: E402
 
 GENERATED = {
     ROOT / "schemas" / "show.schema.json": schema_text,

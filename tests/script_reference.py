@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from showc.script.fields import FORMAT_VERSION, SECTIONS
-from showc.script.kinds import Either, Field, Items, Kind, Section, Table
-from showc.script.quantity import UNITS
-from showc.script.wording import wanted_text
+from showc.script.language.fields import FORMAT_VERSION, SECTIONS
+from showc.script.language.kinds import Either, Field, Items, Kind, Section, Table
+from showc.script.language.quantity import UNITS
+from showc.script.language.wording import wanted_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

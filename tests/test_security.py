@@ -11,8 +11,10 @@ import yaml
 from repository import ROOT
 
 from showc.cli import showc
-from showc.script import document, files, gallery, kinds, load
+from showc.script import files, load
 from showc.script.formations import csv_file, image, mesh, svg
+from showc.script.language import document, kinds
+from showc.script.sections import gallery
 
 PAGE = (ROOT / "showc" / "docs" / "security.md").read_text(encoding="utf-8")
 WORKFLOW = ROOT / ".github" / "workflows" / "check-shows.yaml"

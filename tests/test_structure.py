@@ -99,7 +99,8 @@ ROOMS_OF_VERIFY = {
 }
 
 # What the folders of a room may import of each other, besides what lies beside them:
-# the statement of problems and solutions in the core, the leg's stages in the fleet.
+# the statement of problems and solutions in the core, the leg's stages in the fleet,
+# the show and its findings in the script. The key table holds the formations' keys.
 ONE_DRONE = {"single_drone", "shared_profile"}
 LAYERS = {
     "ocp": {
@@ -113,6 +114,13 @@ LAYERS = {
         "shared_profile": ONE_DRONE,
         "lower_bound": ONE_DRONE | {"execution"},
         "deconfliction": ONE_DRONE | {"execution"},
+    },
+    "script": {
+        "language": {"formations"},
+        "formations": {"language"},
+        "sections": {"language", "formations"},
+        "rules": {"language", "formations", "sections"},
+        "render": set(),
     },
 }
 

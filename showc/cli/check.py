@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     "--select", multiple=True, metavar="CODE", help="Only these codes (SHW2: all 2xx)."
 )
 @click.option("--ignore", multiple=True, metavar="CODE", help="Leave out these codes.")
-@flag("--fix", "mending", text="Fix what has only one right answer.")
+@flag("--fix", "fixing", text="Fix what has only one right answer.")
 @outside_option
 @flag("--exit-zero", text="Exit with 0 whatever is found.")
 @flag("-q", "--quiet", text="Print nothing when all is well.")
@@ -33,7 +33,7 @@ def command(
     strict: bool,
     select: tuple[str, ...],
     ignore: tuple[str, ...],
-    mending: bool,
+    fixing: bool,
     allow_outside: bool,
     exit_zero: bool,
     quiet: bool,
@@ -61,9 +61,9 @@ def command(
     from showc.script.diagnostic import select_diagnostics
     from showc.script.render import render
 
-    if mending:
+    if fixing:
         for script in scripts:
-            _mend(Path(script), allow_outside=allow_outside)
+            _fix(Path(script), allow_outside=allow_outside)
     results = [load_show(script, allow_outside=allow_outside) for script in scripts]
     found = select_diagnostics(
         [diagnostic for result in results for diagnostic in result.diagnostics],
@@ -92,12 +92,12 @@ def command(
     return int(any(item.severity == Severity.ERROR for item in found))
 
 
-def _mend(script: Path, *, allow_outside: bool) -> None:
-    """Mend a script and say what was mended; the findings say what cannot be."""
+def _fix(script: Path, *, allow_outside: bool) -> None:
+    """Fix a script and say what was fixed; the findings say what cannot be."""
     from showc.files import UnreadableFileError, read_file, rewrite_file
     from showc.script import read_show
-    from showc.script.document import MAX_BYTES
-    from showc.script.mending import mend
+    from showc.script.fixes import apply_fixes
+    from showc.script.language.document import MAX_BYTES
 
     try:
         content = read_file(script, MAX_BYTES)
@@ -109,12 +109,12 @@ def _mend(script: Path, *, allow_outside: bool) -> None:
             given, path=str(script), folder=script.parent, allow_outside=allow_outside
         )
 
-    mended = mend(content, read)
-    if mended.done:
-        rewrite_file(script, mended.content)
-    for item in mended.done:
+    fixed = apply_fixes(content, read)
+    if fixed.done:
+        rewrite_file(script, fixed.content)
+    for item in fixed.done:
         line = 0 if item.span is None else item.span.line
         click.echo(
-            f"{script}:{line}: mended [{item.code}]: {item.message}; now {item.fix}",
+            f"{script}:{line}: fixed [{item.code}]: {item.message}; now {item.fix}",
             err=True,
         )

@@ -1,4 +1,4 @@
-"""``showc explain``: what a code means, an example, and how to mend it."""
+"""``showc explain``: what a code means, an example, and what to do."""
 
 from __future__ import annotations
 

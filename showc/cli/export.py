@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from showc.cli.options import FOLDER, Real, json_option, log_argument
+from showc.script.language.wording import counted
 from showc.script.show import Export
-from showc.script.wording import counted
 from showc.verify.report import figure
 
 if TYPE_CHECKING:

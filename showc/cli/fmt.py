@@ -27,8 +27,8 @@ def command(scripts: tuple[str, ...], check: bool, diff: bool) -> int:
     """
     from showc.errors import UsageError
     from showc.files import UnreadableFileError, read_file, rewrite_file
-    from showc.script.document import MAX_BYTES, parse_document
-    from showc.script.layout import format_script
+    from showc.script.language.document import MAX_BYTES, parse_document
+    from showc.script.language.layout import format_script
     from showc.script.render import render
 
     code = 0

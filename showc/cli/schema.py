@@ -16,7 +16,7 @@ def command() -> int:
       # yaml-language-server: $schema=show.schema.json
       showc schema > show.schema.json
     """
-    from showc.script.schema import schema_text
+    from showc.script.language.schema import schema_text
 
     click.echo(schema_text().rstrip("\n"))
     return 0

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 from math import floor
 
 from showc.errors import ExportError, UsageError
-from showc.script.missions import HOUR
+from showc.script.rules.missions import HOUR
 
 ANY = -1.0
 """An hour that is left open."""

@@ -22,7 +22,7 @@ from showc.mission.items import (
     SpeedKind,
     without_position,
 )
-from showc.script.missions import pulse_widths
+from showc.script.rules.missions import pulse_widths
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -22,7 +22,7 @@ from showc.schedule.course import Course
 from showc.schedule.encodings import choose_encoding
 from showc.schedule.layout import build_timeline
 from showc.schedule.surroundings import Surroundings
-from showc.script.missions import (
+from showc.script.rules.missions import (
     ALWAYS,
     UNMOVED,
     pulse_widths,

@@ -21,7 +21,7 @@ from showc.mission.predict import PredictedFlight, prediction_summary
 from showc.progress import Silent
 from showc.schedule.course import Course
 from showc.schedule.layout import MANY, build_timeline
-from showc.script.operations import BATTERY
+from showc.script.rules.operations import BATTERY
 
 if TYPE_CHECKING:
     from datetime import datetime

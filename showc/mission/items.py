@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from showc.errors import ExportError
-from showc.script.missions import item_budget
+from showc.script.rules.missions import item_budget
 
 
 class Command(IntEnum):

@@ -9,7 +9,7 @@ import numpy as np
 
 from showc.plan.itinerary import STILL
 from showc.script.lanes import arrival
-from showc.script.wording import counted
+from showc.script.language.wording import counted
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray

@@ -118,7 +118,7 @@ class InputFiles:
 
     def _near(self, name: str) -> str:
         """Say which file is meant by a name that is none, as far as can be seen."""
-        from showc.script.scalars import suggestion  # noqa: PLC0415 - start-up counts
+        from showc.script.language.scalars import suggestion  # noqa: PLC0415 - start-up counts
 
         if "://" in name:
             return "download the file, and put it beside the script"

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from showc.files import OutsideFolderError, UnreadableFileError, inside, read_file
 from showc.processes import OutOfTimeError, processor_time
 from showc.script.diagnostic import Diagnostic, Severity, Suppressed, position
-from showc.script.document import (
+from showc.script.files import InputFiles
+from showc.script.language.document import (
     MAX_BYTES,
     MAX_FOUND,
     Mapping,
@@ -17,14 +18,13 @@ from showc.script.document import (
     Scalar,
     parse_document,
 )
-from showc.script.fields import FORMAT_VERSION, SECTIONS
-from showc.script.files import InputFiles
+from showc.script.language.fields import FORMAT_VERSION, SECTIONS
+from showc.script.language.reader import Reader
+from showc.script.language.scalars import tempo_of
+from showc.script.language.wording import shortened
 from showc.script.mark import Mark
-from showc.script.reader import Reader
-from showc.script.scalars import tempo_of
 from showc.script.show import Source
 from showc.script.suppression import apply_suppressions
-from showc.script.wording import shortened
 
 if TYPE_CHECKING:
     from collections.abc import Mapping as TypingMapping
@@ -243,17 +243,17 @@ def _build(
             return None, reader.found
     settings = reader.section(SECTIONS["show"], root, start)
     # Building imports numpy; a script that cannot be read need not wait for it.
-    from showc.script.build import Builder  # noqa: PLC0415
-    from showc.script.holds import motion_findings  # noqa: PLC0415
-    from showc.script.idle import idle_findings  # noqa: PLC0415
-    from showc.script.operations import operation_findings  # noqa: PLC0415
-    from showc.script.rules import geometry_findings  # noqa: PLC0415
-    from showc.script.timing import (  # noqa: PLC0415
+    from showc.script.rules.geometry import geometry_findings  # noqa: PLC0415
+    from showc.script.rules.holds import motion_findings  # noqa: PLC0415
+    from showc.script.rules.idle import idle_findings  # noqa: PLC0415
+    from showc.script.rules.operations import operation_findings  # noqa: PLC0415
+    from showc.script.rules.timing import (  # noqa: PLC0415
         limit_findings,
         loose_findings,
         time_findings,
         timing_findings,
     )
+    from showc.script.sections.build import Builder  # noqa: PLC0415
 
     sketch = Builder(settings, files, reader).sketch(source)
     found = list(reader.found)

@@ -7,9 +7,9 @@ import struct
 import yaml
 from fuzz.seeds import FILES, SCRIPTS
 
-from showc.script import kinds
-from showc.script.fields import SECTIONS, resolve
-from showc.script.quantity import units_of
+from showc.script.language import kinds
+from showc.script.language.fields import SECTIONS, resolve
+from showc.script.language.quantity import units_of
 
 JUNK = [
     None, True, False, "", "no", "x", "~", ".nan", "-.inf", "1e308", "-1e-308", "1e999",

@@ -3,7 +3,7 @@
 import pytest
 
 from showc.pipeline.outlook import LegOutlook, cue_sheet
-from showc.script.instants import music_time, read_cues
+from showc.script.language.instants import music_time, read_cues
 
 LEGS = [
     LegOutlook(0, "launch", True, "", 5.0, 6.0, 0.0),

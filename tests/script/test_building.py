@@ -13,15 +13,15 @@ from repository import ROOT, SHOWS
 
 from showc.plan.build import build_itinerary
 from showc.script import load_show, read_show
-from showc.script.colours import COLOUR_NAMES, linear_light, parse_colour
 from showc.script.fence import fence_distance, inside_polygon
-from showc.script.least_time import _furthest, least_times
-from showc.script.spacing import (
+from showc.script.formations.spacing import (
     close_pairs,
     closest,
     closest_between,
     crowded,
 )
+from showc.script.language.colours import COLOUR_NAMES, linear_light, parse_colour
+from showc.script.rules.least_time import _furthest, least_times
 from showc.vehicle import PRESETS, Separation
 from showc.vehicle.metric import measure
 

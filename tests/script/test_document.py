@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from repository import ROOT
 
 from showc.script import read_show
-from showc.script.document import MAX_BYTES, Mapping, Scalar, Sequence, parse_document
+from showc.script.language.document import (
+    MAX_BYTES,
+    Mapping,
+    Scalar,
+    Sequence,
+    parse_document,
+)
 from showc.script.render import FORMATS, render
 
 SCRIPT = (ROOT / "shows" / "chapters.yaml").read_bytes()

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from showc.script.colours import linear_light
 from showc.script.formations.evenly import spread_evenly
 from showc.script.formations.skeleton import thinned, traced
-from showc.script.spacing import closest, spread_apart
+from showc.script.formations.spacing import closest, spread_apart
+from showc.script.language.colours import linear_light
 from showc.vehicle import Separation
 
 
@@ -321,9 +321,9 @@ def test_transforms_are_done_in_order(points):
 
 @given(st.floats(-360, 360), st.tuples(*[st.floats(-1, 1)] * 3).filter(any))
 def test_rotation_keeps_distances(angle, axis):
+    from showc.script.language.settings import Setting, Settings
     from showc.script.mark import Mark
-    from showc.script.placing import transform
-    from showc.script.settings import Setting, Settings
+    from showc.script.sections.placing import transform
 
     mark = Mark("", 1, 1, 1, 1)
     parts = [Setting(float(part), mark, mark) for part in axis]

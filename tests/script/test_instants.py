@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from showc.script import read_show
 from showc.script.diagnostic import ScriptError
-from showc.script.instants import (
+from showc.script.language.instants import (
     Tempo,
     music_time,
     parse_instant,

@@ -11,8 +11,8 @@ from repository import ROOT
 
 from showc.__main__ import run
 from showc.script import read_show
-from showc.script.document import Mapping, Scalar, parse_document
-from showc.script.layout import format_script
+from showc.script.language.document import Mapping, Scalar, parse_document
+from showc.script.language.layout import format_script
 
 WORDS = st.sampled_from(
     ["ring", "9.50", "0x1F", "yes", "2 m", "1e3", "é", '"a: b"', "'it''s'", '"#ff8800"']
@@ -193,7 +193,7 @@ def test_check_mends_the_file_and_reports_the_rest(tmp_path, capsys):
     )
     assert run(["check", "--fix", str(path)]) == 1
     out = capsys.readouterr()
-    assert out.err.count("mended [") == 2 and "no formation `gone`" in out.out
+    assert out.err.count("fixed [") == 2 and "no formation `gone`" in out.out
     assert path.read_bytes() == (
         b"\xef\xbb\xbfshowc: 1\r\ndrones: 4\r\nformations:\r\n"
         b"  it: {type: circle, radius: 9 m}\r\ntransitions: [it, gone]\r\n"

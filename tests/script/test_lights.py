@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from showc.script.colours import linear_light
+from showc.script.language.colours import linear_light
 
 HEAD = (
     "drones: 4\nmusic: {offset: 5 s, bpm: 120, cues: {drop: bar 8}}\n"

@@ -5,7 +5,8 @@ from mission.flights import rows, shift_flight
 
 from showc.mission import mission_files
 from showc.mission.feasibility import mission_outlook
-from showc.script import missions, read_show
+from showc.script import read_show
+from showc.script.rules import missions
 from showc.script.show import MissionOptions
 
 HEAD = "showc: 1\n"

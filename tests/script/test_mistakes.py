@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from showc.script import read_show
-from showc.script.mending import mend
+from showc.script.fixes import apply_fixes
 from showc.script.render import render
 
 GOLDEN = Path(__file__).with_name("mistakes.txt")
@@ -234,7 +234,7 @@ def said(script, folder):
 def mended(script, folder):
     for name, content in FILES.items():
         (folder / name).write_bytes(content)
-    return mend(
+    return apply_fixes(
         script.encode(), lambda given: read_show(given, path="show.yaml", folder=folder)
     )
 

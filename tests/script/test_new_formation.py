@@ -14,7 +14,7 @@ MODULE = '''
 import numpy as np
 
 from showc.script.formations.shape import Drawing, Shape, any_count
-from showc.script.kinds import Field, Quantity, Section
+from showc.script.language.kinds import Field, Quantity, Section
 
 SECTION = Section(
     "cross",
@@ -47,7 +47,7 @@ import json, sys
 from showc.script.load import load_show
 import gallery
 from script_reference import page
-from showc.script.schema import schema_text
+from showc.script.language.schema import schema_text
 show = load_show("show.yaml").show
 print(json.dumps({
     "points": show.formations["x"].points.tolist(),

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from showc.script.diagnostic import ScriptError
-from showc.script.quantity import UNITS, parse_quantity, units_of
+from showc.script.language.quantity import UNITS, parse_quantity, units_of
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from repository import ROOT, SHOWS
 
 from showc.cli.init import template_text
 from showc.script import read_show
-from showc.script.schema import show_schema
+from showc.script.language.schema import show_schema
 
 SCHEMA = ROOT / "schemas" / "show.schema.json"
 

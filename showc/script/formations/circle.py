@@ -15,10 +15,10 @@ from showc.script.formations.shape import (
     plane_field,
     stand,
 )
-from showc.script.kinds import Field, Quantity, Section
+from showc.script.language.kinds import Field, Quantity, Section
 
 if TYPE_CHECKING:
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 SECTION = Section(
     "circle",

@@ -11,13 +11,13 @@ import numpy as np
 
 from showc.script.diagnostic import ScriptError
 from showc.script.formations.shape import Drawing, Request, Shape
-from showc.script.kinds import Field, File, Section
-from showc.script.timed import head_of, heads_of, refuse_shares
+from showc.script.language.kinds import Field, File, Section
+from showc.script.language.timed import head_of, heads_of, refuse_shares
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 _LARGEST = 10_000.0
 """Farthest place from the origin [m]: as far as any site reaches."""

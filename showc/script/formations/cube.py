@@ -11,11 +11,11 @@ from showc.script.formations.evenly import candidates_for, spread_evenly
 from showc.script.formations.mesh import surface_points
 from showc.script.formations.shape import Drawing, Request, Shape, any_count
 from showc.script.formations.wire import Wire, string
-from showc.script.kinds import Choice, Either, Field, Items, Quantity, Section
+from showc.script.language.kinds import Choice, Either, Field, Items, Quantity, Section
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 
 _SIDE = Quantity("m", minimum=0.0, maximum=1000.0, positive=True)

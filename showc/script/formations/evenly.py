@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.spacing import boxes, closest
+from showc.script.formations.spacing import boxes, closest
 from showc.vehicle import Separation
 
 if TYPE_CHECKING:

@@ -12,15 +12,15 @@ import numpy as np
 from showc.errors import DamagedFileError
 from showc.script.diagnostic import ScriptError
 from showc.script.formations.shape import Drawing, Request, Shape
-from showc.script.kinds import Field, File, Section
-from showc.script.timed import LONGEST, timed_rows
+from showc.script.language.kinds import Field, File, Section
+from showc.script.language.timed import LONGEST, timed_rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from showc.arrays import FloatArray
     from showc.documents.gltf import Keys
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 SCENES = (".gltf", ".glb")
 """Endings of scenes; other files are tables."""

@@ -16,13 +16,13 @@ from showc.script.formations.shape import (
     centred,
     plane_field,
 )
-from showc.script.kinds import Either, Field, Integer, Items, Quantity, Section
+from showc.script.language.kinds import Either, Field, Integer, Items, Quantity, Section
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from showc.arrays import FloatArray
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 
 _STEP = Quantity("m", minimum=0.01, maximum=1000.0)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.formations.shape import Drawing, Request, Shape, any_count
-from showc.script.kinds import Field, Integer, Quantity, Section
+from showc.script.language.kinds import Field, Integer, Quantity, Section
 
 if TYPE_CHECKING:
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 SECTION = Section(
     "helix",

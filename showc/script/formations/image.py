@@ -19,13 +19,13 @@ from showc.script.formations.shape import (
     plane_field,
     stand,
 )
-from showc.script.kinds import Choice, Field, File, Quantity, Section
+from showc.script.language.kinds import Choice, Field, File, Quantity, Section
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
     from showc.arrays import BoolArray, FloatArray
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 
 MAX_PIXELS = 16_000_000

@@ -12,11 +12,10 @@ from showc.script.formations.shape import (
     Shape,
     any_count,
 )
-from showc.script.kinds import Choice, Either, Field, Items, Quantity, Section
-from showc.script.placing import unit_vector
+from showc.script.language.kinds import Choice, Either, Field, Items, Quantity, Section
 
 if TYPE_CHECKING:
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 SECTION = Section(
     "line",
@@ -49,7 +48,7 @@ def draw(settings: Settings, request: Request) -> Drawing:
     length = settings.optional("length")
     step = request.spacing if length is None else length / gaps
     along = (np.arange(request.count) - (request.count - 1) / 2.0) * step
-    return Drawing(along[:, None] * unit_vector(settings, "direction"))
+    return Drawing(along[:, None] * np.array(settings.unit_vector("direction")))
 
 
 SHAPE = Shape(SECTION, any_count, draw)

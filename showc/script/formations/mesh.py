@@ -23,11 +23,11 @@ from showc.script.formations.shape import (
     any_count,
     centred,
 )
-from showc.script.kinds import Choice, Field, File, Quantity, Section
+from showc.script.language.kinds import Choice, Field, File, Quantity, Section
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 
 MAX_TRIANGLES = 400_000

@@ -8,13 +8,13 @@ import numpy as np
 
 from showc.script.diagnostic import ScriptError
 from showc.script.formations.shape import Drawing, Request, Shape
-from showc.script.kinds import Field, Items, Quantity, Section
-from showc.script.settings import as_numbers
+from showc.script.language.kinds import Field, Items, Quantity, Section
+from showc.script.language.settings import as_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 SECTION = Section(
     "points",

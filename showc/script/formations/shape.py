@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from showc.script.kinds import Choice, Field
+from showc.script.language.kinds import Choice, Field
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from showc.arrays import FloatArray
-    from showc.script.kinds import Section
-    from showc.script.settings import Settings
+    from showc.script.language.kinds import Section
+    from showc.script.language.settings import Settings
 
 
 Plane = Literal["horizontal", "front", "side"]

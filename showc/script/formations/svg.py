@@ -17,11 +17,11 @@ from showc.script.formations.shape import (
     plane_field,
     stand,
 )
-from showc.script.kinds import Choice, Field, File, Quantity, Section
+from showc.script.language.kinds import Choice, Field, File, Quantity, Section
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 _CURVE_PIECES = 24
 """Straight pieces of a curve: a circle's quarter is missed by 0.0005 of its radius."""

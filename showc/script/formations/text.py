@@ -19,12 +19,20 @@ from showc.script.formations.shape import (
     plane_field,
     stand,
 )
-from showc.script.kinds import Choice, Either, Field, File, Quantity, Section, Text
+from showc.script.language.kinds import (
+    Choice,
+    Either,
+    Field,
+    File,
+    Quantity,
+    Section,
+    Text,
+)
 
 if TYPE_CHECKING:
     from fontTools.ttLib import TTFont
 
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 BUNDLED = {"regular": "Vera.ttf", "bold": "VeraBd.ttf"}
 """Fonts that come with showc (Bitstream Vera)."""

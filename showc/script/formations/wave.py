@@ -10,10 +10,10 @@ import numpy as np
 from showc.script.diagnostic import ScriptError
 from showc.script.formations import grid
 from showc.script.formations.shape import Drawing, Request, Shape
-from showc.script.kinds import Field, Items, Quantity, Section
+from showc.script.language.kinds import Field, Items, Quantity, Section
 
 if TYPE_CHECKING:
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
 
 SECTION = Section(
     "wave",

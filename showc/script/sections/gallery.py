@@ -9,19 +9,19 @@ import numpy as np
 
 from showc.script.diagnostic import Label, ScriptError
 from showc.script.formations import SHAPES, Request
-from showc.script.placing import colours_in, paint, transform, unit_vector
-from showc.script.scalars import no_such
-from showc.script.settings import Setting, Settings
+from showc.script.formations.spacing import closest, crowded, spread_apart
+from showc.script.language.scalars import no_such
+from showc.script.language.settings import Setting, Settings
+from showc.script.language.wording import number_text
+from showc.script.sections.placing import colours_in, paint, transform
 from showc.script.show import Effect, EffectKind, Music
-from showc.script.spacing import closest, crowded, spread_apart
-from showc.script.wording import number_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from showc.arrays import FloatArray
+    from showc.script.language.reader import Reader
     from showc.script.mark import Mark
-    from showc.script.reader import Reader
     from showc.vehicle import Separation
 
 
@@ -62,7 +62,7 @@ def effect_of(settings: Settings, music: Music | None) -> Effect:
         If its direction has no length, its beats have no tempo, or what runs has no
         colours.
     """
-    x, y, z = (float(part) for part in unit_vector(settings, "direction"))
+    x, y, z = settings.unit_vector("direction")
     kind = cast("EffectKind", settings.text("kind"))
     if kind == "run" and "colours" not in settings:
         raise ScriptError(

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.aircraft import FLOWN_APART, SHOW_MODE
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.fence import fence_distance, inside_polygon
-from showc.script.least_time import least_mean_time
-from showc.script.missions import mission_findings
-from showc.script.spacing import closest
-from showc.script.wording import measured_text, number_text
+from showc.script.formations.spacing import closest
+from showc.script.language.wording import measured_text, number_text
+from showc.script.rules.least_time import least_mean_time
+from showc.script.rules.missions import mission_findings
+from showc.script.sections.aircraft import FLOWN_APART, SHOW_MODE
 from showc.vehicle import PRESETS, Separation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.script.build import Sketch
     from showc.script.mark import Mark
+    from showc.script.sections.build import Sketch
     from showc.script.show import Export
 
 

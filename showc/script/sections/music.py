@@ -7,15 +7,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import ScriptError
-from showc.script.instants import music_time, read_cues
-from showc.script.settings import Settings
+from showc.script.language.instants import music_time, read_cues
+from showc.script.language.settings import Settings
 from showc.script.show import Music
 
 if TYPE_CHECKING:
     from showc.script.files import InputFiles
-    from showc.script.instants import Instant
+    from showc.script.language.instants import Instant
+    from showc.script.language.reader import Reader
     from showc.script.mark import Mark
-    from showc.script.reader import Reader
 
 
 def music_of(settings: Settings, files: InputFiles, reader: Reader) -> Music | None:

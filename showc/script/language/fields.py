@@ -11,8 +11,8 @@ import tomllib
 from importlib import resources
 from typing import Any
 
-from showc.script import kinds
 from showc.script.formations import SHAPES
+from showc.script.language import kinds
 from showc.vehicle.presets import PRESETS
 
 FORMAT_VERSION = 1

@@ -10,7 +10,7 @@ import re
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Diagnostic, Label, ScriptError, once
-from showc.script.document import (
+from showc.script.language.document import (
     MAX_FOUND,
     Entry,
     Mapping,
@@ -19,8 +19,8 @@ from showc.script.document import (
     Sequence,
     as_node,
 )
-from showc.script.fields import resolve
-from showc.script.kinds import (
+from showc.script.language.fields import resolve
+from showc.script.language.kinds import (
     Choice,
     Either,
     Field,
@@ -31,7 +31,7 @@ from showc.script.kinds import (
     Section,
     Table,
 )
-from showc.script.meaning import (
+from showc.script.language.meaning import (
     MEANT,
     about_braces,
     about_brackets,
@@ -50,12 +50,18 @@ from showc.script.meaning import (
     whole_values,
     with_commas,
 )
-from showc.script.scalars import certain, no_word, read_scalar, suggestion
-from showc.script.settings import Setting, Settings, Value
-from showc.script.wording import counted, form_of, section_text, shortened, wanted_text
+from showc.script.language.scalars import certain, no_word, read_scalar, suggestion
+from showc.script.language.settings import Setting, Settings, Value
+from showc.script.language.wording import (
+    counted,
+    form_of,
+    section_text,
+    shortened,
+    wanted_text,
+)
 
 if TYPE_CHECKING:
-    from showc.script.instants import Tempo
+    from showc.script.language.instants import Tempo
     from showc.script.mark import Mark
 
 

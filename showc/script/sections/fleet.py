@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Label
-from showc.script.gallery import MAX_PLACES
-from showc.script.motions import formations_of
-from showc.script.scalars import no_such
-from showc.script.settings import Setting, Settings
+from showc.script.language.scalars import no_such
+from showc.script.language.settings import Setting, Settings
+from showc.script.sections.gallery import MAX_PLACES
+from showc.script.sections.motions import formations_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from showc.script.gallery import Gallery
+    from showc.script.language.reader import Reader
     from showc.script.mark import Mark
-    from showc.script.reader import Reader
+    from showc.script.sections.gallery import Gallery
 
 
 def fleet_size(settings: Settings, gallery: Gallery, reader: Reader) -> int | None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import ScriptError
-from showc.script.wording import measured_text, number_text
+from showc.script.language.wording import measured_text, number_text
 from showc.vehicle import (
     PRESETS,
     Battery,
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.script.files import InputFiles
-    from showc.script.reader import Reader
-    from showc.script.settings import Settings
+    from showc.script.language.reader import Reader
+    from showc.script.language.settings import Settings
     from showc.script.show import Site
 
 _OWN = {

@@ -8,19 +8,19 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from showc.script import kinds
-from showc.script.colours import COLOUR_NAMES, parse_colour
 from showc.script.diagnostic import ScriptError
-from showc.script.document import Mapping, Scalar
 from showc.script.formations import SHAPES
-from showc.script.instants import Instant, Tempo, parse_instant, parse_length
-from showc.script.quantity import NUMBER, parse_quantity, units_of
-from showc.script.wording import form_of, number_text, wanted_text
+from showc.script.language import kinds
+from showc.script.language.colours import COLOUR_NAMES, parse_colour
+from showc.script.language.document import Mapping, Scalar
+from showc.script.language.instants import Instant, Tempo, parse_instant, parse_length
+from showc.script.language.quantity import NUMBER, parse_quantity, units_of
+from showc.script.language.wording import form_of, number_text, wanted_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from showc.script.settings import Value
+    from showc.script.language.settings import Value
 
 WORDS = {
     "ring": "circle",
@@ -135,7 +135,7 @@ def tempo_of(script: Mapping) -> Tempo | None:
 
     One that cannot be read counts as any other: that is said where it stands.
     """
-    from showc.script.fields import SECTIONS  # noqa: PLC0415 - fields read these
+    from showc.script.language.fields import SECTIONS  # noqa: PLC0415 - fields read these
 
     entry = script.get("music")
     music = entry.value if entry is not None else None

@@ -10,12 +10,12 @@ import json
 import re
 from typing import TYPE_CHECKING
 
-from showc.script import kinds
-from showc.script.colours import COLOUR_NAMES
-from showc.script.fields import SECTIONS
-from showc.script.instants import LENGTH
-from showc.script.quantity import NUMBER, units_of
-from showc.script.wording import range_text, wanted_text
+from showc.script.language import kinds
+from showc.script.language.colours import COLOUR_NAMES
+from showc.script.language.fields import SECTIONS
+from showc.script.language.instants import LENGTH
+from showc.script.language.quantity import NUMBER, units_of
+from showc.script.language.wording import range_text, wanted_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -11,23 +11,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.aircraft import FLOWN_APART, SHOW_MODE_TRACKING
-from showc.script.company import company_findings
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
 from showc.script.fence import Fence, inside_polygon
-from showc.script.gallery import bases_of
-from showc.script.legible import legibility_findings
-from showc.script.motions import formations_of
-from showc.script.settings import Settings
-from showc.script.spacing import closest, crowded
-from showc.script.wording import counted, measured_text, number_text, point_text
+from showc.script.formations.spacing import closest, crowded
+from showc.script.language.settings import Settings
+from showc.script.language.wording import (
+    counted,
+    measured_text,
+    number_text,
+    point_text,
+)
+from showc.script.rules.company import company_findings
+from showc.script.rules.legible import legibility_findings
+from showc.script.sections.aircraft import FLOWN_APART, SHOW_MODE_TRACKING
+from showc.script.sections.gallery import bases_of
+from showc.script.sections.motions import formations_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray
-    from showc.script.build import Sketch
     from showc.script.mark import Mark
+    from showc.script.sections.build import Sketch
     from showc.script.show import Formation
 
 

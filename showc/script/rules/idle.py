@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from showc.script.diagnostic import Diagnostic, Label, Severity
-from showc.script.holds import longest_holds
-from showc.script.settings import Settings
-from showc.script.wording import counted, number_text
+from showc.script.language.settings import Settings
+from showc.script.language.wording import counted, number_text
+from showc.script.rules.holds import longest_holds
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.script.build import Sketch
+    from showc.script.sections.build import Sketch
 
 _USED = {
     "pulse": {"depth"},

@@ -6,44 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.colours import Colour, gradient, linear_light
-from showc.script.diagnostic import ScriptError
+from showc.script.language.colours import Colour, gradient, linear_light
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.script.settings import Setting, Settings
-
-
-_AXES = {"x": 0, "y": 1, "z": 2}
-
-
-def unit_vector(settings: Settings, key: str) -> FloatArray:
-    """Return a direction key, three numbers or the letter of an axis, at length 1.
-
-    Raises
-    ------
-    ScriptError
-        If its length is zero.
-    """
-    value = settings.values[key].value
-    if isinstance(value, str):
-        return np.asarray(np.eye(3)[_AXES[value]], dtype=np.float64)
-    direction = np.array(settings.vector(key))
-    largest = float(np.abs(direction).max())
-    if largest == 0.0:
-        raise ScriptError(
-            "SHW104",
-            f"`{key}` has length zero",
-            key=key,
-            help_text="write `x`, `y`, `z` or another direction",
-        )
-    direction = direction / largest  # its square may vanish otherwise
-    return np.asarray(direction / np.linalg.norm(direction), dtype=np.float64)
+    from showc.script.language.settings import Setting, Settings
 
 
 def _rotation(settings: Settings) -> FloatArray:
     """Return the rotation matrix about an axis (Rodrigues' formula), (3, 3)."""
-    axis = unit_vector(settings, "axis")
+    axis = settings.unit_vector("axis")
     angle = settings.number("angle")
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -87,7 +59,7 @@ def transform(
             matrix = np.diag(factors)
         else:
             signs = np.ones(3)
-            signs[_AXES[settings.text("mirror")]] = -1.0
+            signs["xyz".index(settings.text("mirror"))] = -1.0
             matrix = np.diag(signs)
         moved, unshifted = moved @ matrix.T, unshifted @ matrix.T
     return moved, unshifted
@@ -120,7 +92,7 @@ def _along(settings: Settings, points: FloatArray) -> FloatArray:
         middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
         way = np.linalg.norm(points - middle, axis=1)
     else:
-        way = points @ unit_vector(settings, "along")
+        way = points @ settings.unit_vector("along")
     span = float(np.ptp(way))
     return (way - way.min()) / span if span > 0.0 else np.zeros(len(points))
 
@@ -133,4 +105,4 @@ def _colour(setting: Setting) -> Colour:
     return float(red), float(green), float(blue)
 
 
-__all__ = ["colours_in", "paint", "transform", "unit_vector"]
+__all__ = ["colours_in", "paint", "transform"]

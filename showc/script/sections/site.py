@@ -11,8 +11,8 @@ from showc.script.show import Audience, Building, Risk, Site
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.script.reader import Reader
-    from showc.script.settings import Settings
+    from showc.script.language.reader import Reader
+    from showc.script.language.settings import Settings
 
 
 def site_of(settings: Settings, reader: Reader) -> Site | None:

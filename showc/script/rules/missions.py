@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Severity
-from showc.script.fields import BOARDS
 from showc.script.lanes import arrival, chapters, own_times, rest
-from showc.script.wording import number_text
+from showc.script.language.fields import BOARDS
+from showc.script.language.wording import number_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray, IntArray
-    from showc.script.build import Sketch
     from showc.script.mark import Mark
+    from showc.script.sections.build import Sketch
     from showc.script.show import MissionOptions, Show, Transition
 
 

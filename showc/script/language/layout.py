@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from showc.errors import UsageError
-from showc.script.document import LOADER, Mapping, Node, Scalar, parse_document
+from showc.script.language.document import LOADER, Mapping, Node, Scalar, parse_document
 
 STEP = 2
 """Columns of each level of indentation."""

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.colours import linear_light
 from showc.script.diagnostic import ScriptError
-from showc.script.instants import music_time
-from showc.script.placing import paint
+from showc.script.language.colours import linear_light
+from showc.script.language.instants import music_time
+from showc.script.language.timed import LONGEST, timed_rows
+from showc.script.sections.placing import paint
 from showc.script.show import LightKey
-from showc.script.timed import LONGEST, timed_rows
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.script.files import InputFiles
-    from showc.script.reader import Reader
-    from showc.script.settings import Settings
+    from showc.script.language.reader import Reader
+    from showc.script.language.settings import Settings
     from showc.script.show import Formation, Music
 
 _HELP = (

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Spot
+from showc.script.formations.spacing import closest
 from showc.script.lanes import (
     SHORTEST_MOTION,
     arrival,
@@ -23,19 +24,18 @@ from showc.script.lanes import (
     over,
     own_times,
 )
-from showc.script.least_time import least_duration
+from showc.script.language.wording import measured_text, number_text
 from showc.script.moving import moving_places
+from showc.script.rules.least_time import least_duration
 from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
-from showc.script.spacing import closest
-from showc.script.wording import measured_text, number_text
 from showc.vehicle.flatness import attitude_and_thrust
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray, IntArray
-    from showc.script.build import Sketch
     from showc.script.moving import MovingPlaces
+    from showc.script.sections.build import Sketch
     from showc.script.show import Show, Transition
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Spot
+from showc.script.formations.spacing import closest_between
 from showc.script.lanes import (
     arrival,
     chapters,
@@ -20,16 +21,15 @@ from showc.script.lanes import (
     lanes,
     own_times,
 )
+from showc.script.language.wording import counted, number_text, point_text
 from showc.script.moving import moving_places
-from showc.script.spacing import closest_between
-from showc.script.wording import counted, number_text, point_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray, IntArray
-    from showc.script.build import Sketch
-    from showc.script.settings import Settings
+    from showc.script.language.settings import Settings
+    from showc.script.sections.build import Sketch
     from showc.script.show import Formation, Show, Transition
 
 

@@ -13,16 +13,16 @@ import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Severity, Spot
 from showc.script.formations.shape import PLANES
-from showc.script.gallery import MAX_PLACES
-from showc.script.placing import transform
-from showc.script.settings import Settings
-from showc.script.wording import number_text
+from showc.script.language.settings import Settings
+from showc.script.language.wording import number_text
+from showc.script.sections.gallery import MAX_PLACES
+from showc.script.sections.placing import transform
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray
-    from showc.script.build import Sketch
+    from showc.script.sections.build import Sketch
     from showc.script.show import Formation
 
 STEM = 3.5

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from showc.script.diagnostic import ScriptError
-from showc.script.quantity import NUMBER, parse_quantity
+from showc.script.language.quantity import NUMBER, parse_quantity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -321,7 +321,7 @@ def _cue(name: str, cues: Mapping[str, float]) -> float:
     alike = [known for known in cues if known.lower() == name.lower()]
     if len(alike) == 1:
         return cues[alike[0]]
-    from showc.script.scalars import suggestion  # noqa: PLC0415 - scalars read these
+    from showc.script.language.scalars import suggestion  # noqa: PLC0415 - scalars read these
 
     near = suggestion(name, cues)
     shown = ", ".join(list(cues)[:12]) or "none"

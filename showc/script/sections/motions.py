@@ -19,8 +19,7 @@ from showc.script.show import (
 
 if TYPE_CHECKING:
     from showc.script.files import InputFiles
-    from showc.script.settings import Setting, Settings
-    from showc.vehicle import Vector
+    from showc.script.language.settings import Setting, Settings
 
 SETTING_IN = 0.75
 """Ramp of a breath, wave or orbit unless it is given [periods]. A swing reaches 1.33
@@ -67,14 +66,8 @@ def motion_of(item: Settings, files: InputFiles) -> Motion:
     key = next(iter(_KINDS.keys() & item.values.keys()))
     own, (kind, given) = item.section(key), _KINDS[key]
     given = given | own.named(kind)
-    given |= {name: _unit(own, name) for name in ("axis", "direction") if name in own}
+    named = (name for name in ("axis", "direction") if name in own)
+    given |= {name: own.unit_vector(name) for name in named}
     if "ramp" not in own:
         given["ramp"] = SETTING_IN * own.number("period")
     return kind(**given)
-
-
-def _unit(own: Settings, key: str) -> Vector:
-    from showc.script.placing import unit_vector  # noqa: PLC0415 - imports numpy
-
-    x, y, z = (float(part) for part in unit_vector(own, key))
-    return x, y, z

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from datetime import datetime
+from math import hypot
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from showc.script.instants import Instant
+from showc.script.diagnostic import ScriptError
+from showc.script.language.instants import Instant
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -153,6 +155,32 @@ class Settings:
         """Return a list of three quantities."""
         x, y, z = self.numbers(key)
         return x, y, z
+
+    def unit_vector(self, key: str) -> Vector:
+        """Return a direction, three numbers or the letter of an axis, at length 1.
+
+        Raises
+        ------
+        ScriptError
+            If its length is zero.
+        """
+        value = self.values[key].value
+        if isinstance(value, str):
+            x, y, z = (float(axis == value) for axis in "xyz")
+            return x, y, z
+        direction = self.vector(key)
+        largest = max(map(abs, direction))
+        if largest == 0.0:
+            raise ScriptError(
+                "SHW104",
+                f"`{key}` has length zero",
+                key=key,
+                help_text="write `x`, `y`, `z` or another direction",
+            )
+        # First by the largest: squares of small numbers may vanish.
+        x, y, z = (part / largest for part in direction)
+        length = hypot(x, y, z)
+        return x / length, y / length, z / length
 
 
 def as_number(setting: Setting) -> float:

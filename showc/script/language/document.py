@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from showc.script.diagnostic import Diagnostic, Label
+from showc.script.language.syntax import syntax_fault
 from showc.script.mark import Mark
-from showc.script.syntax import syntax_fault
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.script.kinds import Plain
+    from showc.script.language.kinds import Plain
 
 MAX_BYTES = 4_000_000
 """Largest script that is read [bytes]."""

@@ -20,16 +20,16 @@ from showc.script.lanes import (
     over,
     own_times,
 )
-from showc.script.least_time import least_duration
+from showc.script.language.wording import number_text
+from showc.script.rules.least_time import least_duration
 from showc.script.show import Follow, Rotate
-from showc.script.wording import number_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.script.build import Sketch
+    from showc.script.language.settings import Settings
     from showc.script.mark import Mark
-    from showc.script.settings import Settings
+    from showc.script.sections.build import Sketch
     from showc.script.show import Show
 
 

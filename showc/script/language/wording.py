@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from showc.script import kinds
-from showc.script.document import Mapping, Node, Sequence
-from showc.script.fields import resolve
+from showc.script.language import kinds
+from showc.script.language.document import Mapping, Node, Sequence
+from showc.script.language.fields import resolve
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

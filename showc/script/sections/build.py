@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.aircraft import (
+from showc.script.diagnostic import Label, ScriptError
+from showc.script.lanes import arrival, departure
+from showc.script.language.colours import linear_light
+from showc.script.language.scalars import no_such
+from showc.script.language.settings import Settings
+from showc.script.sections.aircraft import (
     battery_of,
     body_of,
     envelope_of,
@@ -20,17 +25,13 @@ from showc.script.aircraft import (
     tracking_of,
     vehicle_of,
 )
-from showc.script.colours import linear_light
-from showc.script.diagnostic import Label, ScriptError
-from showc.script.fleet import fleet_size, groups_of, needed_counts
-from showc.script.gallery import Bench, Gallery, Picture, effect_of
-from showc.script.lanes import arrival, departure
-from showc.script.lights import lights_of
-from showc.script.motions import morphs_of, motion_of
-from showc.script.music import asked_time, music_of
-from showc.script.placing import paint
-from showc.script.scalars import no_such
-from showc.script.settings import Settings
+from showc.script.sections.fleet import fleet_size, groups_of, needed_counts
+from showc.script.sections.gallery import Bench, Gallery, Picture, effect_of
+from showc.script.sections.lights import lights_of
+from showc.script.sections.motions import morphs_of, motion_of
+from showc.script.sections.music import asked_time, music_of
+from showc.script.sections.placing import paint
+from showc.script.sections.site import site_of
 from showc.script.show import (
     Export,
     Follow,
@@ -44,16 +45,15 @@ from showc.script.show import (
     Source,
     Transition,
 )
-from showc.script.site import site_of
 from showc.vehicle import Separation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from showc.script.files import InputFiles
+    from showc.script.language.reader import Reader
+    from showc.script.language.settings import Setting
     from showc.script.mark import Mark
-    from showc.script.reader import Reader
-    from showc.script.settings import Setting
     from showc.script.show import Preference, Site
 
 

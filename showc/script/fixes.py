@@ -1,4 +1,4 @@
-"""Mending: what has one right answer is put into the script."""
+"""Fixes: findings with one right answer, applied to the script."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from showc.script.load import LoadResult
 
 ROUNDS = 20
-"""How often a mended script is read again: mending one mistake may show the next."""
+"""How often a fixed script is read again: one fix may show the next mistake."""
 _LINE = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 """What ends a line of YAML."""
 _MARK = b"\xef\xbb\xbf"
@@ -21,17 +21,17 @@ _MARK = b"\xef\xbb\xbf"
 
 
 @dataclass(frozen=True, slots=True)
-class Mended:
+class Fixed:
     """A script without the mistakes that have one right answer."""
 
     content: bytes
     """The script."""
     done: tuple[Diagnostic, ...]
-    """What was mended, with its place before that."""
+    """What was fixed, with its place before that."""
 
 
-def mend(content: bytes, read: Callable[[bytes], LoadResult]) -> Mended:
-    """Mend what has one right answer, and nothing else.
+def apply_fixes(content: bytes, read: Callable[[bytes], LoadResult]) -> Fixed:
+    """Apply fixes that have one right answer, and nothing else.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def mend(content: bytes, read: Callable[[bytes], LoadResult]) -> Mended:
 
     Returns
     -------
-    Mended
+    Fixed
         The script, unchanged where nothing is certain. A change that does not take its
         finding away is not made.
     """
@@ -52,14 +52,14 @@ def mend(content: bytes, read: Callable[[bytes], LoadResult]) -> Mended:
         wanted = _apart([item for item in found if item.fix and item.span is not None])
         if not wanted:
             break
-        mended = _written(content, wanted)
+        fixed = _written(content, wanted)
         before = {(item.code, item.message) for item in wanted}
-        left = {(item.code, item.message) for item in read(mended).diagnostics}
+        left = {(item.code, item.message) for item in read(fixed).diagnostics}
         if before & left:
             break
-        content = mended
+        content = fixed
         done += wanted
-    return Mended(content, tuple(done))
+    return Fixed(content, tuple(done))
 
 
 def _apart(found: Sequence[Diagnostic]) -> list[Diagnostic]:

@@ -6,9 +6,9 @@ import re
 from dataclasses import replace
 
 from showc.script.diagnostic import Diagnostic
-from showc.script.document import Entry, Mapping, Node, Scalar, Sequence
-from showc.script.fields import SECTIONS, resolve
-from showc.script.kinds import (
+from showc.script.language.document import Entry, Mapping, Node, Scalar, Sequence
+from showc.script.language.fields import SECTIONS, resolve
+from showc.script.language.kinds import (
     Either,
     Field,
     File,
@@ -18,9 +18,9 @@ from showc.script.kinds import (
     Table,
     Text,
 )
-from showc.script.quantity import NUMBER, comma_fault
-from showc.script.scalars import suggestion
-from showc.script.wording import wanted_text
+from showc.script.language.quantity import NUMBER, comma_fault
+from showc.script.language.scalars import suggestion
+from showc.script.language.wording import wanted_text
 
 MEANT = {
     "lat": "latitude",

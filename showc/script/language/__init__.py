@@ -1,0 +1,1 @@
+"""The language of scripts: the key table, values with units, and the reader."""

@@ -1,0 +1,1 @@
+"""Rules that a show must keep: geometry, timing, operations, legibility, missions."""

@@ -1,0 +1,1 @@
+"""The sections of a script, each built into its part of the show."""
