@@ -103,7 +103,7 @@ def test_where_all_are_in_the_way_time_comes_down_and_the_search_ends(
     middle = np.array([0.0, 0.0, 30.0])
     found, heard = fly(size * CUBE + middle, size * CUBE @ turn.T + middle)
     assert found.certificate.gap < gap
-    assert down <= any("over the least; trying" in note for note in heard.notes)
+    assert down <= any("over the minimum; trying" in note for note in heard.notes)
 
 
 def search(leg, options=None, separation=None):

@@ -12,13 +12,13 @@ def test_the_last_new_line_of_each_task_is_passed_on(tmp_path):
     first, second = (Journal(path) for path in kept.paths)
     kept.listen()
     assert listening.notes == []
-    first.note("one: 3 conflicts remain")
-    first.note("one: 2 conflicts remain")
+    first.note("one: conflicts left: 3")
+    first.note("one: conflicts left: 2")
     second.note("two: found 3.5 s")
     kept.listen()
     kept.listen()
     assert listening.notes == [
-        "one: 2 conflicts remain (0 s)",
+        "one: conflicts left: 2 (0 s)",
         "two: found 3.5 s (0 s)",
     ]
 

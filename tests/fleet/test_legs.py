@@ -112,7 +112,7 @@ def test_drones_that_swap_places_pass_on_the_right():
     assert_flies(flight, Separation(1.0))
     assert_certified(flight)
     assert flight.certificate.statistics["first_conflicts"] >= 2
-    assert any("conflicts remain" in note for note in progress.notes)
+    assert any("conflicts left at" in note for note in progress.notes)
     # Each keeps its partner on its left: it passes on its own right.
     middle = flight.duration / 2.0
     at = np.array([t.state(middle)[:2] for t in flight.trajectories])

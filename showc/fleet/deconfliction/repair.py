@@ -199,7 +199,7 @@ class Repair:
             if number == self.move.rounds or self._spent():
                 return self._settle()
             self.made.progress.note(
-                f"{self.move.name}: {count} conflicts remain at {self.duration:.3f} s"
+                f"{self.move.name}: conflicts left at {self.duration:.3f} s: {count}"
             )
             many = count > _FEW_LEFT
             most = (self.move.most, np.inf)[min(number, 1)]
