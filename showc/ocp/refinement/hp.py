@@ -97,17 +97,9 @@ class Hp(Collocated):
         mended: bool = True,
     ) -> Judgement:
         """Audit a solution of the present problem."""
-        found = judge(
-            self.problem,
-            self.auditors,
-            solution,
-            former,
-            table=self.attempts.table,
-            tolerance=self.options.tolerance,
-            mended=mended,
-            structures=structures,
+        return judge(
+            self.attempts, self.auditors, solution, former, structures, mended=mended
         )
-        return replace(found, program=self.attempts.latest)
 
     def take(self, proposal: Proposal, current: Judgement) -> Judgement | None:
         """Solve and judge a proposal; ``None`` if it is no step forward."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
     from showc.ocp.audit.residuals import PhaseAudit, PhaseAuditor
     from showc.ocp.problem import Problem
+    from showc.ocp.refinement.attempts import Attempts
     from showc.ocp.refinement.switches import Structure
     from showc.ocp.solution import PhaseSolution, Solution
     from showc.ocp.transcription.collocation.statement import Table
@@ -73,17 +74,15 @@ class Judgement:
 
 
 def judge(
-    problem: Problem,
+    attempts: Attempts,
     auditors: Sequence[PhaseAuditor],
     solution: Solution,
     former: Judgement | None,
+    structures: Sequence[Structure | None],
     *,
-    table: Table,
-    tolerance: float,
     mended: bool,
-    structures: Sequence[Structure | None] = (),
 ) -> Judgement:
-    """Audit a solution and turn the errors into indicators.
+    """Audit the latest solution of ``attempts`` and turn the errors into indicators.
 
     The dual-weighted estimate of the objective's error is an upper bound in practice;
     where all flagged intervals have just been refined (``former`` is the mesh before,
@@ -92,6 +91,8 @@ def judge(
     ``structures``, or in another valley of the Hamiltonian than the lowest: no
     refinement moves it, whatever is lost by that.
     """
+    problem, table = attempts.problem, attempts.table
+    tolerance = attempts.options.tolerance
     audits = tuple(a.audit(solution, table) for a in auditors)
     size = objective_size(solution)
     if problem.aimless:
@@ -110,9 +111,9 @@ def judge(
         float(np.sum(a.objective_dynamics + _path_cost(auditor, p, table, a.path)))
         for auditor, a, p in zip(auditors, audits, solution.phases, strict=True)
     )
-    known = structures or (None,) * len(audits)
     held = [
-        _held(a, p, s) for a, p, s in zip(audits, solution.phases, known, strict=True)
+        _held(a, p, s)
+        for a, p, s in zip(audits, solution.phases, structures, strict=True)
     ]
     total = sum(float(part.sum()) for part in lost) / size
     stuck = sum(float(part.sum()) for part in held) / size
@@ -161,6 +162,7 @@ def judge(
         tuple(structures),
         moved=move,
         flattery=flattery / size,
+        program=attempts.latest,
     )
 
 
