@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import e, log, pi, sqrt
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.linalg import expm
 from scipy.optimize import fsolve
 
 from showc import ocp
+from showc.ocp.refinement.judgement import is_worse
 
 DAMPING, FAR = 0.05, 12.0
 
@@ -130,6 +132,17 @@ def test_an_objective_that_a_violation_flattered_may_get_worse():
     slope = e - 1.0
     exact = 0.5 * (slope * log(slope) - slope + 1.0)
     assert solution.objective == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize(("flattery", "worse"), [(2e-2, False), (22.0, True)])
+def test_multipliers_without_limit_excuse_no_worse_objective(flattery, worse):
+    # The ends of a turn repeat that a quaternion keeps its norm.
+    problem = ocp.Problem("turn")
+    before = SimpleNamespace(objective=29.0, phases=(), blur=0.0, slack=0.0)
+    after = SimpleNamespace(objective=29.86)
+    errors = SimpleNamespace(dynamics=9e-5, path=0.0)
+    former = SimpleNamespace(solution=before, error=errors, flattery=flattery)
+    assert is_worse(problem, after, former) is worse
 
 
 def test_a_jump_at_the_bound_of_a_state_is_missed_by_what_is_reported():

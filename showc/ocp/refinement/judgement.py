@@ -9,7 +9,7 @@ import numpy as np
 
 from showc.ocp.audit.optimality import objective_size
 from showc.ocp.outcome import ErrorEstimate
-from showc.ocp.refinement.options import BOUNDARY_SHARE, CAUTION
+from showc.ocp.refinement.options import BOUNDARY_SHARE, CAUTION, VAGUE
 from showc.ocp.refinement.refine import not_helped
 
 if TYPE_CHECKING:
@@ -266,7 +266,10 @@ def is_worse(problem: Problem, solution: Solution, former: Judgement) -> bool:
     size = objective_size(former.solution)
     left_open = former.solution.slack / size
     allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path, 3.0 * left_open)
-    allowed = max(allowed, 3.0 * former.flattery)
+    # Where ends repeat what the dynamics keep (a quaternion's norm), multipliers may be
+    # anything: an estimate that is so great tells nothing.
+    if former.flattery <= VAGUE:
+        allowed = max(allowed, 3.0 * former.flattery)
     return bool(loss / size > allowed)
 
 
