@@ -192,10 +192,9 @@ class Search:
             return together, limiting
         best: Found | None = None
         least = limiting.time
-        if len(self.detours) == self.leg.drones.size:
-            # All go round together: nearer to a straight flight that cruises as long.
-            ways = self.detours.values()
-            least = max(least, *(way.estimate(self.aircraft) for way in ways))
+        for way in self.detours.values():
+            # Ways round corners are nearer to straight flights that cruise as long.
+            least = max(least, way.estimate(self.aircraft))
         longest = self._longest(least)
         failed, gap, slower = 0.0, self.options.gap, 0
         while True:
@@ -222,8 +221,8 @@ class Search:
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
             gap = min(self._later(repair, gap, least), longest)
-        lowest = max(failed, limiting.time, _TOGETHER * least)
-        return self._narrowed(best, lowest, limiting), limiting
+        floor = max(limiting.time, _TOGETHER * least)
+        return self._narrowed(best, max(failed, floor), floor, limiting), limiting
 
     def _later(self, repair: Repair, gap: float, least: float) -> float:
         """Share of a least time [s] beyond it that is tried after one that failed.
@@ -258,19 +257,24 @@ class Search:
         near = 0.0 < repair.tangled < _NEARLY or (not repair.tangled and gap > _SMALL)
         return _SLOWLY if near else _GROWTH
 
-    def _narrowed(self, best: Found, failed: float, limiting: Limiting) -> Found:
-        """Halve what lies between a time that failed [s] and the best one flown."""
+    def _narrowed(
+        self, best: Found, failed: float, floor: float, limiting: Limiting
+    ) -> Found:
+        """Halve what lies between a time that failed [s] and the best one flown.
+
+        The nearer the best is to the ``floor`` [s], the finer.
+        """
         step = _STEP
         many = self.leg.drones.size > _MANY
         few = self.leg.drones.size <= _FEW
         part = _CLOSE_OF_FEW if few else _CLOSE_SHARE
         part = _CLOSE_OF_MANY / self.options.effort if many else part
-        enough = _ENOUGH_OF_MANY / self.options.effort * limiting.time
+        enough = _ENOUGH_OF_MANY / self.options.effort * floor
         while not self.spent:
-            beyond = best.duration - limiting.time
+            beyond = best.duration - floor
             if many and beyond < enough:
                 break
-            near = max(_CLOSE * limiting.time / self.options.effort, part * beyond)
+            near = max(_CLOSE * floor / self.options.effort, part * beyond)
             share = 0.5 if isinstance(best, Repair) else _BOLD
             middle = failed + share * (best.duration - failed)
             if self.ways and isinstance(best, Repair):
