@@ -229,7 +229,7 @@ def test_public_names_of_the_core_are_where_it_says():
 def test_solving_a_few_drones_does_without_all_of_scipy():
     statement = (
         "import showc.fleet.itinerary, showc.ocp.transcription.condensed.transcription,"
-        " showc.fleet.lower_bound.relaxed_move, showc.fleet.single_drone.staying"
+        " showc.fleet.lower_bound.relaxed_move, showc.fleet.single_drone.common_time"
     )
     assert "scipy" not in loaded(statement)
 

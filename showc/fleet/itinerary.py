@@ -10,9 +10,9 @@ import numpy as np
 
 from showc.errors import SolveError
 from showc.fleet.execution.cache import Cache, leg_key
+from showc.fleet.execution.checkpoints import Checkpointing
 from showc.fleet.execution.journal import Journal, journals
 from showc.fleet.execution.pool import InProcess, workers
-from showc.fleet.execution.remembering import Remembering
 from showc.fleet.lanes import put_together
 from showc.fleet.leg import place, solve_leg
 from showc.fleet.proof import flaw
@@ -69,7 +69,7 @@ def solve_itinerary(
             "reaches it can run code on its workers and change their results; see "
             "security.md"
         )
-    with workers(options.jobs, options.cluster) as crew:
+    with workers(options.jobs, options.cluster) as pool:
         found: dict[str, LegFlight] = {}
         if any(leg.timed for leg in itinerary.legs):
             # When a cue's move may begin is known once those before it are solved.
@@ -77,7 +77,7 @@ def solve_itinerary(
             free = replace(
                 itinerary, legs=tuple(leg for leg in itinerary.legs if leg.open)
             )
-            known, found = _solved(free, options, crew, progress, found)
+            known, found = _solved(free, options, pool, progress, found)
             itinerary = timetable(itinerary, {leg.leg.index: leg for leg in known})
         moves = replace(
             itinerary,
@@ -87,13 +87,13 @@ def solve_itinerary(
         if motions:
             # Quick to refuse, where a move that is to meet one would search for long.
             alone = replace(itinerary, legs=motions)
-            _, found = _solved(alone, options, crew, progress, found)
-        solved, _ = _solved(moves, options, crew, progress, found)
+            _, found = _solved(alone, options, pool, progress, found)
+        solved, _ = _solved(moves, options, pool, progress, found)
         given = iter(solved)
 
         def again(part: Leg) -> LegFlight:
             alone = replace(itinerary, legs=(part,))
-            return _solved(alone, options, crew, progress, {})[0][0]
+            return _solved(alone, options, pool, progress, {})[0][0]
 
         flights = tuple(
             put_together(leg, [next(given) for _ in leg.parts], itinerary.show, again)
@@ -107,7 +107,7 @@ def solve_itinerary(
 def _solved(
     itinerary: Itinerary,
     options: SolveOptions,
-    crew: Workers,
+    pool: Workers,
     progress: Progress,
     known: dict[str, LegFlight],
 ) -> tuple[tuple[LegFlight, ...], dict[str, LegFlight]]:
@@ -115,7 +115,7 @@ def _solved(
     show = itinerary.show
     cache = Cache.of(options)
     keys = [leg_key(leg, show, options) for leg in itinerary.legs]
-    found, missing = _look_up(itinerary, keys, cache, crew, progress, known=known)
+    found, missing = _look_up(itinerary, keys, cache, pool, progress, known=known)
     tasks = {
         key: _Task(leg, show, options, key, cache.parts(key))
         for key, leg in missing.items()
@@ -127,14 +127,14 @@ def _solved(
         if options.cluster is not None:
             # Another machine has no business in this one's cache.
             together = [replace(task, parts=None) for task in together]
-        found |= _side_by_side(together, cache, crew, progress)
+        found |= _side_by_side(together, cache, pool, progress)
     lone = len(missing) == 1 and options.cluster is None
     # A leg is proved while workers solve the next one.
     with ThreadPoolExecutor(1) as prover:
         proofs: dict[str, Future[LegFlight]] = {}
         for key, task in tasks.items():
             here = lone and task.leg.drones.size <= LONE
-            flight = task.solve(InProcess() if here else crew, progress)
+            flight = task.solve(InProcess() if here else pool, progress)
             proofs[key] = prover.submit(_kept, cache, key, flight, show)
         found |= {key: proof.result() for key, proof in proofs.items()}
     flights = tuple(
@@ -148,7 +148,7 @@ def _look_up(
     itinerary: Itinerary,
     keys: Sequence[str],
     cache: Cache,
-    crew: Workers,
+    pool: Workers,
     progress: Progress,
     *,
     known: dict[str, LegFlight],
@@ -175,7 +175,7 @@ def _look_up(
             cache.forget(key)
             flawed = f"{leg.name}: {wrong}"
         if len(missing) > 1 or leg.drones.size > LONE:
-            crew.prepare()
+            pool.prepare()
     if flawed:
         progress.note(
             f"the cache holds a wrong flight ({flawed}); the leg is solved again, and "
@@ -222,14 +222,14 @@ class _Task:
     parts: Path | None
     """Where to keep what is found on the way, if anywhere."""
 
-    def solve(self, crew: Workers, progress: Progress) -> LegFlight:
+    def solve(self, pool: Workers, progress: Progress) -> LegFlight:
         """Solve the leg, going on where an interrupted compile stopped."""
         given = self.leg, self.show, self.options
         if self.parts is None:
-            return solve_leg(*given, crew, progress)
-        remembering = Remembering(crew, self.parts, self.key)
-        flight = solve_leg(*given, remembering, progress)
-        remembering.forget()
+            return solve_leg(*given, pool, progress)
+        checkpoints = Checkpointing(pool, self.parts, self.key)
+        flight = solve_leg(*given, checkpoints, progress)
+        checkpoints.forget()
         return flight
 
 
@@ -242,7 +242,7 @@ def _alone(task: _Task, journal: Path | None) -> LegFlight | SolveError:
 
 
 def _side_by_side(
-    tasks: Sequence[_Task], cache: Cache, crew: Workers, progress: Progress
+    tasks: Sequence[_Task], cache: Cache, pool: Workers, progress: Progress
 ) -> dict[str, LegFlight]:
     """Solve legs, a process for each.
 
@@ -270,7 +270,7 @@ def _side_by_side(
             (task, path if here else None)
             for task, path in zip(tasks, kept.paths, strict=True)
         ]
-        outcomes = crew.run(_alone, given, progress.advance, keep)
+        outcomes = pool.run(_alone, given, progress.advance, keep)
     for flight in outcomes:
         if isinstance(flight, SolveError):
             raise flight

@@ -24,14 +24,14 @@ from showc.fleet.leg import (
     pair_names,
     place,
 )
-from showc.fleet.single_drone.single import hover
+from showc.fleet.single_drone.following import hover
 from showc.flight import Certificate, LegFlight, Trajectory
 from showc.trajectory import PiecewisePolynomial, concatenate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from showc.fleet.single_drone.single import Aircraft
+    from showc.fleet.single_drone.model import Aircraft
     from showc.plan.itinerary import Leg
     from showc.script.show import Show
 

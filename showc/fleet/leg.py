@@ -16,8 +16,9 @@ from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.motion import fly_motion
 from showc.fleet.search import Found, Room, Search, whole_milliseconds
 from showc.fleet.shared_profile.sparing import Fleet, flown_energy, sparing_profile
-from showc.fleet.single_drone.single import Aircraft, hover
-from showc.fleet.single_drone.staying import lingering
+from showc.fleet.single_drone.common_time import lingering
+from showc.fleet.single_drone.following import hover
+from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
 from showc.flight import Certificate, DualWitness, Encounter, LegFlight, Trajectory
 from showc.plan.itinerary import STILL

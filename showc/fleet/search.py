@@ -33,7 +33,7 @@ from showc.fleet.lower_bound.limiting import (
     limiting_time,
 )
 from showc.fleet.shared_profile.synchronise import shared_profile
-from showc.fleet.single_drone.single import minimum_time
+from showc.fleet.single_drone.shortest import minimum_time
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from showc.fleet.execution.pool import Workers
     from showc.fleet.options import SolveOptions
     from showc.fleet.shared_profile.profile import Profile
-    from showc.fleet.single_drone.single import Aircraft
+    from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
     from showc.plan.itinerary import Leg
     from showc.progress import Progress

@@ -138,7 +138,7 @@ ways = st.tuples(*[st.floats(-30, 30)] * 3).filter(lambda d: np.linalg.norm(d) >
 
 @settings(max_examples=25, deadline=None)
 @given(ways, st.floats(0.5, 5.0))
-def test_drones_stay_near_the_proved_part_of_their_line(displacement, speed):
+def test_drones_fly_near_the_proved_part_of_their_line(displacement, speed):
     # The proof lets each be 0.2 s early or late, on its line, overshoot included.
     limits, leg, track = flown(displacement, speed)
     level, upright, times = along(displacement, track)

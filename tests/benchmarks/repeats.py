@@ -25,7 +25,8 @@ from benchmarks.peers.showc import aircraft  # noqa: E402
 from benchmarks.quadrotor import SHIFT  # noqa: E402
 from benchmarks.table import length, markdown  # noqa: E402
 
-from showc.fleet.single_drone.single import follow, minimum_time  # noqa: E402
+from showc.fleet.single_drone.following import follow  # noqa: E402
+from showc.fleet.single_drone.shortest import minimum_time  # noqa: E402
 
 FACTORS = (1.05, 1.5)
 ACCURACIES = (1e-2, 1e-3)

@@ -26,8 +26,9 @@ from benchmarks.audit import report
 from benchmarks.peers.showc import answer, build
 
 from showc import ocp
+from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.replay import replay
-from showc.fleet.single_drone.single import Aircraft, minimum_time
+from showc.fleet.single_drone.shortest import minimum_time
 from showc.vehicle import PRESETS
 
 PUBLISHED = 7.87

@@ -13,8 +13,8 @@ from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.basis import DEGREE, LOCAL, spline_basis
 from showc.fleet.single_drone.judgement import KEPT
+from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.replay import replay
-from showc.fleet.single_drone.single import Aircraft
 from showc.fleet.single_drone.spline import follow_spline
 from showc.trajectory import PiecewisePolynomial
 

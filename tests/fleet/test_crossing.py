@@ -13,8 +13,8 @@ from showc.errors import SolveError
 from showc.fleet import solve_leg
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.single_drone.audit import greatest_excess
+from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.replay import replay
-from showc.fleet.single_drone.single import Aircraft
 from showc.vehicle import PRESETS
 
 WIDE = replace(

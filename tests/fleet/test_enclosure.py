@@ -14,7 +14,7 @@ from showc.fleet.deconfliction import bending
 from showc.fleet.deconfliction.enclosure import detour
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.proof import flaw
-from showc.fleet.single_drone.single import Aircraft
+from showc.fleet.single_drone.model import Aircraft
 from showc.progress import Silent
 from showc.script.fence import Fence
 from showc.vehicle import PRESETS, Separation
@@ -116,7 +116,7 @@ def test_one_drone_that_must_goes_round_alone_and_its_least_time_knows_the_fence
 
 def test_where_no_flight_behind_walls_is_found_drones_stop_at_corners(monkeypatch):
     """Straight ways of those that go round count for nothing, whatever the walls do."""
-    monkeypatch.setattr(bending, "stay_apart", lambda *_: (bending.OPTIMAL, None, ""))
+    monkeypatch.setattr(bending, "fly_behind", lambda *_: (bending.OPTIMAL, None, ""))
     start, goal = np.array([[-4.0, 36.0, 20.0]]), np.array([[36.0, -4.0, 20.0]])
     leg = make_leg(start, goal, limits=GENTLE)
     assert_encloses(solve(leg, L, 2.0), L, 2.0)

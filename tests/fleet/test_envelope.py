@@ -21,7 +21,9 @@ from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.audit import greatest_excess
-from showc.fleet.single_drone.single import Aircraft, follow, minimum_time
+from showc.fleet.single_drone.following import follow
+from showc.fleet.single_drone.model import Aircraft
+from showc.fleet.single_drone.shortest import minimum_time
 from showc.fleet.single_drone.spline import follow_spline
 from showc.fleet.single_drone.vertical import (
     fly_upright,

@@ -12,7 +12,7 @@ from showc.fleet.lower_bound.bound import lower_bound, surplus
 from showc.fleet.lower_bound.extremes import extreme_moves
 from showc.fleet.lower_bound.limiting import limiting_time
 from showc.fleet.lower_bound.relaxation import Relaxation
-from showc.fleet.single_drone.single import Aircraft
+from showc.fleet.single_drone.model import Aircraft
 from showc.progress import Silent
 
 

@@ -9,7 +9,7 @@ from fleet.handmade import Listening, make_leg, make_options, make_show
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.lower_bound.passing import passing_bound
 from showc.fleet.search import Room, Search, whole_milliseconds
-from showc.fleet.single_drone.single import Aircraft
+from showc.fleet.single_drone.model import Aircraft
 from showc.vehicle import PRESETS, Separation
 
 LIMITS = replace(

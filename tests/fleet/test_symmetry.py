@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from showc.fleet.single_drone.audit import greatest_excess
+from showc.fleet.single_drone.following import follow
 from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.replay import replay
-from showc.fleet.single_drone.single import follow
 from showc.fleet.single_drone.symmetry import image, images, kinds
 
 CRAFT = Aircraft(VEHICLE, LIMITS)

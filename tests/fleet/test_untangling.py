@@ -6,7 +6,7 @@ from fleet.handmade import LIMITS, VEHICLE
 
 from showc.fleet.deconfliction.crowd import Allowed, Crowd, Planes, sampled
 from showc.fleet.deconfliction.untangling import untangle
-from showc.fleet.single_drone.single import Aircraft
+from showc.fleet.single_drone.model import Aircraft
 from showc.vehicle import Separation
 from showc.vehicle.metric import measure
 

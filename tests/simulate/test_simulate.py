@@ -190,7 +190,7 @@ def test_the_plant_flies_as_rotorpy_does():
     assert (turned.inv() * Rotation.from_quat(now["q"])).magnitude() < 1e-4
 
 
-def test_in_calm_air_drones_stay_near_their_paths(flown):
+def test_in_calm_air_drones_fly_near_their_paths(flown):
     found = flown(0.0, Model(imperfections=IDEAL))
     assert found.tubes[-1].greatest < 0.25
     assert found.tubes[-1].rms < 0.06

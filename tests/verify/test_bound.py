@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
-from showc.fleet.single_drone.single import Aircraft, minimum_time
+from showc.fleet.single_drone.model import Aircraft
+from showc.fleet.single_drone.shortest import minimum_time
 from showc.log import showc_pb2 as pb
 from showc.vehicle import Limits, Quadrotor
 from showc.vehicle.flatness import state_in_motion

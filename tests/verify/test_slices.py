@@ -61,7 +61,7 @@ def places(tracks, times):
     st.floats(0.01, 6.0),
     st.sampled_from(MEASURES),
 )
-def test_flights_stay_near_their_chords(seed, most_rows, low, width, measure):
+def test_flights_fly_near_their_chords(seed, most_rows, low, width, measure):
     tracks = random_tracks(np.random.default_rng(seed), 5, most_rows)
     high = min(low + width, 8.0)
     piece = take(tracks, low, high, measure)

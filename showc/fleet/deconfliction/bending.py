@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from showc.fleet.deconfliction.enclosure import fence_walls
 from showc.fleet.deconfliction.walls import gathered, interpolated, pair_walls
 from showc.fleet.single_drone.avoiding import Passage
-from showc.fleet.single_drone.staying import OPTIMAL, STRAIGHT, stay_apart
+from showc.fleet.single_drone.common_time import OPTIMAL, STRAIGHT, fly_behind
 from showc.vehicle.metric import measure
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from showc.fleet.deconfliction.flights import Flights, Work
     from showc.fleet.deconfliction.walls import Laid, PairWalls
-    from showc.fleet.single_drone.staying import Outcome
+    from showc.fleet.single_drone.common_time import Outcome
 
 
 _MARGIN = 2e-3
@@ -86,7 +86,7 @@ class Bending:
             self._task(row, walls[row], tried[row], first=one)
             for row, one in zip(busy, first, strict=True)
         ]
-        results = self.work.solve("repair_solves", stay_apart, tasks, "repair")
+        results = self.work.solve("repair_solves", fly_behind, tasks, "repair")
         changed = False
         self._rigid.clear()
         for row, outcome in zip(busy, results, strict=True):
@@ -124,7 +124,7 @@ class Bending:
         if flights.move.fence is not None:
             laid.append(fence_walls(flights.move.fence, own, _STRAY))
         task = self._task(row, laid, tries, first=False)
-        ((kind, flight, _),) = self.work.solve("repair_solves", stay_apart, [task])
+        ((kind, flight, _),) = self.work.solve("repair_solves", fly_behind, [task])
         if flight is None or flights.lack(flight, near) >= before:
             return False
         flights.take(row, kind, flight)
@@ -133,7 +133,7 @@ class Bending:
     def _task(
         self, row: int, walls: Sequence[Laid], tries: int, *, first: bool
     ) -> tuple[object, ...]:
-        """Return what :func:`stay_apart` takes for a drone."""
+        """Return what :func:`fly_behind` takes for a drone."""
         flights, reference = self.flights, self.flights.way(row)
         passage = Passage(
             gathered(walls),

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.fleet.shared_profile.profile import Profile
-    from showc.fleet.single_drone.single import Aircraft
+    from showc.fleet.single_drone.model import Aircraft
     from showc.script.fence import Fence
     from showc.vehicle import Separation
 

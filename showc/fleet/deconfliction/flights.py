@@ -10,8 +10,8 @@ import numpy as np
 from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.deconfliction.walls import NODES, interpolated
+from showc.fleet.single_drone.common_time import OPTIMAL, SPLINE, STRAIGHT
 from showc.fleet.single_drone.model import in_motion
-from showc.fleet.single_drone.staying import OPTIMAL, SPLINE, STRAIGHT
 from showc.plan.itinerary import STILL
 from showc.trajectory import PiecewisePolynomial
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from showc.fleet.deconfliction.enclosure import Detour
     from showc.fleet.execution.pool import Workers
     from showc.fleet.shared_profile.profile import Profile
-    from showc.fleet.single_drone.single import Aircraft
-    from showc.fleet.single_drone.staying import Outcome
+    from showc.fleet.single_drone.common_time import Outcome
+    from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
     from showc.progress import Progress
     from showc.script.fence import Fence

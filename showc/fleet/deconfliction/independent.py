@@ -14,9 +14,14 @@ from showc.fleet.shared_profile.flat import keeps_limits
 from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.shared_profile.synchronise import best_profile
 from showc.fleet.single_drone.audit import greatest_excess
+from showc.fleet.single_drone.common_time import (
+    OPTIMAL,
+    STRAIGHT,
+    fly_near,
+    fly_smoothly,
+)
 from showc.fleet.single_drone.following import hover
 from showc.fleet.single_drone.judgement import KEPT
-from showc.fleet.single_drone.staying import OPTIMAL, STRAIGHT, stay_calm, stay_near
 from showc.fleet.single_drone.symmetry import image, kinds
 
 if TYPE_CHECKING:
@@ -25,7 +30,7 @@ if TYPE_CHECKING:
     from showc.arrays import IntArray
     from showc.fleet.deconfliction.flights import Flights, Work
     from showc.fleet.shared_profile.profile import Profile
-    from showc.fleet.single_drone.staying import Outcome
+    from showc.fleet.single_drone.common_time import Outcome
     from showc.flight import Trajectory
 
 
@@ -100,7 +105,7 @@ class Independent:
         ]
         name = "solves_without_slack"
         return self._taken(
-            rows, self.work.solve(name, stay_calm, ways, "drones in motion")
+            rows, self.work.solve(name, fly_smoothly, ways, "drones in motion")
         )
 
     def _slow(self, rows: IntArray) -> bool:
@@ -145,7 +150,7 @@ class Independent:
             for row in rows
         ]
         name, title = "solves_without_slack", "drones without slack"
-        return self._taken(rows, self.work.solve(name, stay_near, tasks, title))
+        return self._taken(rows, self.work.solve(name, fly_near, tasks, title))
 
     def _taken(self, rows: list[int], results: list[Outcome]) -> bool:
         """Take flights of drones; False where there is none."""

@@ -19,7 +19,7 @@ from showc.fleet.deconfliction.flights import Flights, Work
 from showc.fleet.deconfliction.independent import Independent
 from showc.fleet.deconfliction.untangling import untangle, untangle_near
 from showc.fleet.deconfliction.walls import interpolated
-from showc.fleet.single_drone.staying import OPTIMAL, SPLINE, STRAIGHT
+from showc.fleet.single_drone.common_time import OPTIMAL, SPLINE, STRAIGHT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

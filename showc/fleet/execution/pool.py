@@ -38,7 +38,7 @@ PATIENCE = "20s"
 _DEATHS = 3
 """How often workers may die before the work is given up: once more than by chance."""
 _PRELOAD = (
-    "showc.fleet.single_drone.staying",
+    "showc.fleet.single_drone.common_time",
     "showc.fleet.lower_bound.limiting",
     "showc.ocp.transcription.condensed.transcription",
     "showc.fleet.lower_bound.relaxed_move",

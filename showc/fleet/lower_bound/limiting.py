@@ -11,7 +11,7 @@ from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.shared_profile.synchronise import ROUGHLY, SHAPES, least_times
-from showc.fleet.single_drone.single import Aircraft, Result, minimum_time
+from showc.fleet.single_drone.shortest import minimum_time
 from showc.fleet.single_drone.symmetry import images, kinds
 from showc.plan.itinerary import STILL
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray, IntArray
     from showc.fleet.execution.pool import Workers
+    from showc.fleet.single_drone.model import Aircraft
+    from showc.fleet.single_drone.result import Result
     from showc.flight import DualWitness
     from showc.progress import Progress
 

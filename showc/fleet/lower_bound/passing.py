@@ -47,7 +47,7 @@ from showc.fleet.lower_bound.relaxed_move import Columns, Part, Solver, program
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
-    from showc.fleet.single_drone.single import Aircraft
+    from showc.fleet.single_drone.model import Aircraft
     from showc.vehicle import Separation
 
 

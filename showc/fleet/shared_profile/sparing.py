@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.arrays import FloatArray
-    from showc.fleet.single_drone.single import Aircraft
+    from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
     from showc.vehicle.power import Power
 

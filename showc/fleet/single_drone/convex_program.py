@@ -21,13 +21,13 @@ from showc.fleet.single_drone.basis import (
     quadratic_upper,
     spline_basis,
 )
-from showc.fleet.single_drone.columns import Columns
 from showc.fleet.single_drone.rows import Rows, System
+from showc.fleet.single_drone.sparse import Columns
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.fleet.shared_profile.flat import Use
-    from showc.fleet.single_drone.single import Aircraft
+    from showc.fleet.single_drone.model import Aircraft
     from showc.trajectory import PiecewisePolynomial
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.fleet.single_drone.basis import LOCAL
-from showc.fleet.single_drone.columns import Columns
+from showc.fleet.single_drone.sparse import Columns
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray

@@ -22,7 +22,7 @@ from showc.trajectory import restrict
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
-    from showc.fleet.single_drone.single import Aircraft
+    from showc.fleet.single_drone.model import Aircraft
     from showc.trajectory import PiecewisePolynomial
 
 

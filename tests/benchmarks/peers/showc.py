@@ -22,7 +22,8 @@ import showc
 from showc import ocp
 from showc.fleet import SolveOptions, solve_leg
 from showc.fleet.execution.pool import InProcess
-from showc.fleet.single_drone.single import Aircraft, minimum_time
+from showc.fleet.single_drone.model import Aircraft
+from showc.fleet.single_drone.shortest import minimum_time
 from showc.plan.itinerary import Leg
 from showc.progress import Silent
 from showc.vehicle import PRESETS, Separation

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.fleet.single_drone.avoiding import avoid
+from showc.fleet.single_drone.following import follow, hover
 from showc.fleet.single_drone.model import in_motion
-from showc.fleet.single_drone.single import follow, hover, minimum_time
+from showc.fleet.single_drone.shortest import minimum_time
 from showc.fleet.single_drone.spline import follow_spline
 from showc.flight import Trajectory
 from showc.trajectory import PiecewisePolynomial
@@ -21,7 +22,7 @@ from showc.trajectory import PiecewisePolynomial
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.avoiding import Passage
-    from showc.fleet.single_drone.single import Aircraft
+    from showc.fleet.single_drone.model import Aircraft
 
 
 _MOMENT, _SHARE = 1.5e-3, 3e-3
@@ -32,7 +33,7 @@ Outcome = tuple[str, Trajectory | None, str]
 """How a drone is flown, its flight if there is one, why not if there is none."""
 
 
-def stay_near(  # noqa: PLR0917 - tasks of workers are tuples
+def fly_near(  # noqa: PLR0917 - tasks of workers are tuples
     aircraft: Aircraft,
     start: FloatArray,
     goal: FloatArray,
@@ -115,7 +116,7 @@ def lingering(
     )
 
 
-def stay_calm(
+def fly_smoothly(
     aircraft: Aircraft,
     start: FloatArray,
     goal: FloatArray,
@@ -142,7 +143,7 @@ def stay_calm(
     return OPTIMAL, result.trajectory if result.solved else None, result.message
 
 
-def stay_apart(  # noqa: PLR0917 - tasks of workers are tuples
+def fly_behind(  # noqa: PLR0917 - tasks of workers are tuples
     aircraft: Aircraft,
     start: FloatArray,
     goal: FloatArray,

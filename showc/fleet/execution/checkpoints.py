@@ -1,4 +1,4 @@
-"""A crew that remembers: what an interrupted compile had found already is not redone.
+"""Checkpoints: what an interrupted compile had found already is not solved again.
 
 Each result is kept as soon as it is known, under a hash of the leg, the function and
 its arguments. It is forgotten when the leg as a whole is kept. Results are plain data;
@@ -57,7 +57,7 @@ class _Reader(pickle.Unpickler):
         raise pickle.UnpicklingError(f"{module}.{name} is not kept")
 
 
-class Remembering:
+class Checkpointing:
     """Workers that look results up before they work, and keep what they find.
 
     Parameters

@@ -11,8 +11,8 @@ import pytest
 from fleet.handmade import make_leg, make_options, make_show
 
 from showc.fleet import solve_itinerary
+from showc.fleet.execution.checkpoints import Checkpointing, _read
 from showc.fleet.execution.pool import InProcess, Processes
-from showc.fleet.execution.remembering import Remembering, _read
 from showc.flight import Trajectory
 from showc.plan.itinerary import Itinerary
 from showc.progress import Silent
@@ -67,9 +67,9 @@ def test_what_was_found_before_the_interrupt_is_not_done_again(tmp_path):
     log, folder = tmp_path / "log", tmp_path / "parts"
     tasks = [(number, (0.1, str(log))) for number in range(7)]
     with pytest.raises(KeyboardInterrupt):
-        Remembering(Interrupted(3), folder, KEY).run(flight, tasks)
+        Checkpointing(Interrupted(3), folder, KEY).run(flight, tasks)
     assert len(list(folder.iterdir())) == 3
-    again = Remembering(InProcess(), folder, KEY)
+    again = Checkpointing(InProcess(), folder, KEY)
     told = []
     results = again.run(flight, tasks, told.append)
     assert log.read_text().split() == [str(number) for number in range(7)]
@@ -83,8 +83,8 @@ def test_what_was_found_before_the_interrupt_is_not_done_again(tmp_path):
 def test_other_legs_and_other_tasks_have_parts_of_their_own(tmp_path):
     log = tmp_path / "log"
     for key, scale in ((KEY, 0.1), ("cd" * 32, 0.1), (KEY, 0.2)):
-        crew = Remembering(InProcess(), tmp_path / "parts", key)
-        (result,) = crew.run(flight, [(1, (scale, str(log)))])
+        pool = Checkpointing(InProcess(), tmp_path / "parts", key)
+        (result,) = pool.run(flight, [(1, (scale, str(log)))])
         assert result[1].state.coefficients[0, 0, 0] == scale
     assert len(log.read_text().split()) == 3
 
@@ -92,12 +92,12 @@ def test_other_legs_and_other_tasks_have_parts_of_their_own(tmp_path):
 def test_what_a_function_was_given_beforehand_counts(tmp_path):
     log = tmp_path / "log"
     for scale in (0.1, 0.2, 0.1):
-        crew = Remembering(InProcess(), tmp_path / "parts", KEY)
-        (result,) = crew.run(partial(flight, scale=(scale, str(log))), [(1,)])
+        pool = Checkpointing(InProcess(), tmp_path / "parts", KEY)
+        (result,) = pool.run(partial(flight, scale=(scale, str(log))), [(1,)])
         assert result[1].state.coefficients[0, 0, 0] == scale
     assert len(log.read_text().split()) == 2
     # What has no name is done, and not kept.
-    (found,) = crew.run(Nameless(), [(7,)])
+    (found,) = pool.run(Nameless(), [(7,)])
     assert found == 8
 
 
@@ -110,13 +110,13 @@ class Nameless:
 
 def test_processes_tell_every_result_by_its_number():
     found = {}
-    crew = Processes(2)
+    pool = Processes(2)
     try:
-        results = crew.run(
+        results = pool.run(
             divmod, [(n, 7) for n in range(40)], lambda _: None, found.__setitem__
         )
     finally:
-        crew.close()
+        pool.close()
     assert [found[number] for number in range(40)] == results
 
 
@@ -124,7 +124,7 @@ def test_processes_tell_every_result_by_its_number():
 def test_a_strange_part_counts_as_absent_and_goes(tmp_path, damage):
     folder = tmp_path / "parts"
     tasks = [(1, (0.1, str(tmp_path / "log")))]
-    Remembering(InProcess(), folder, KEY).run(flight, tasks)
+    Checkpointing(InProcess(), folder, KEY).run(flight, tasks)
     (path,) = folder.iterdir()
     content = path.read_bytes()
     if damage == "cut":
@@ -132,10 +132,10 @@ def test_a_strange_part_counts_as_absent_and_goes(tmp_path, damage):
     elif damage == "flip":
         path.write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
     else:
-        from showc.fleet.execution import remembering
+        from showc.fleet.execution import checkpoints
 
         made = tmp_path / "made"
-        remembering._write(path, Maker(str(made)))
+        checkpoints._write(path, Maker(str(made)))
         assert _read(path) is None
         assert not made.exists()
     assert _read(path) is None
