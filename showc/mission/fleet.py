@@ -243,10 +243,10 @@ def _warnings(
     changed = [leg for leg in legs if leg["encoding"] != "straight"]
     if changed:
         longest = max(changed, key=lambda leg: leg["duration"])
-        more = f", as are {len(changed) - 1} more" if len(changed) > 1 else ""
+        more = f"; so are {len(changed) - 1} shorter legs" if changed[1:] else ""
         found.append(
-            f"the missions fly `{longest['name']}` “{longest['encoding']}” to keep "
-            f"drones apart{more}"
+            f"to keep drones apart, missions fly `{longest['name']}` in the form "
+            f"“{longest['encoding']}”{more}"
         )
     found.extend(lights_left_out(show))
     return tuple(found)
@@ -268,7 +268,7 @@ def cue_notes(timeline: Timeline, music: Music | None) -> list[str]:
     worst = max(timeline.legs, key=lambda one: one.late)
     if worst.late > ON_TIME:
         late = sum(one.late > ON_TIME for one in timeline.legs)
-        more = f", as are {late - 1} more" if late > 1 else ""
+        more = f" ({late - 1} more legs are late)" if late > 1 else ""
         found.append(
             f"the missions fly `{worst.leg.name}` {worst.late:.1f} s late{more}: their "
             "legs need longer than the solved ones; `showc stream` keeps all times"
