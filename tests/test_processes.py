@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from repository import ROOT
+from repository import ROOT, running
 
 from showc.processes import side_by_side
 
@@ -42,21 +42,6 @@ side_by_side([lambda: math.factorial(10_000_000)] * 4, 2)
 """
 
 
-def marked(word):
-    """Numbers of the processes that carry a word in their environment."""
-    found = set()
-    for folder in Path("/proc").iterdir():
-        if not folder.name.isdigit():
-            continue
-        try:
-            state = (folder / "stat").read_text().rpartition(")")[2].split()[0]
-            if state != "Z" and word in (folder / "environ").read_bytes():
-                found.add(int(folder.name))
-        except OSError:
-            continue
-    return found
-
-
 def awaited(condition, patience):
     end = time.monotonic() + patience
     while time.monotonic() < end:
@@ -84,13 +69,13 @@ def test_nothing_is_left_of_a_process_that_is_ended(code, ending, tmp_path):
 
     def working():
         """Both workers have joined the group of the guard."""
-        groups = [group_of(process) for process in marked(word)]
+        groups = [group_of(process) for process in running(word)]
         return any(groups.count(group) >= 3 for group in groups if group != begun.pid)
 
     assert awaited(working, 60.0)
     begun.send_signal(ending)
     begun.wait(30.0)
-    assert awaited(lambda: not marked(word), PATIENCE), marked(word)
+    assert awaited(lambda: not running(word), PATIENCE), running(word)
 
 
 @pytest.mark.parametrize("alive", [True, False])

@@ -19,7 +19,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from repository import ROOT
+from repository import ROOT, running
 from vehicle_link.vehicle import Vehicle, free_port
 
 from showc.geodesy import SiteFrame
@@ -100,21 +100,6 @@ def contents(folder):
         if path.is_file()
         and not any(part.startswith(".") for part in path.relative_to(folder).parts)
     }
-
-
-def running(word):
-    """Numbers of the processes that carry a word in their environment."""
-    found = set()
-    for folder in Path("/proc").iterdir():
-        if not folder.name.isdigit():
-            continue
-        try:
-            state = (folder / "stat").read_text().rpartition(")")[2].split()[0]
-            if state != "Z" and word in (folder / "environ").read_bytes():
-                found.add(int(folder.name))
-        except OSError:
-            continue
-    return found
 
 
 class Command:
