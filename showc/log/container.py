@@ -53,6 +53,11 @@ writes, and no bomb gets further."""
 LARGEST_UNPACKED = 16 << 30
 """Size of all chunks together from which a log is refused [bytes]."""
 
+LARGEST_MESSAGE, MORE_EACH = 1 << 24, 6_000
+"""Size of a message from which a log is refused, and how much more for each channel
+[bytes]: a flight of 10,000 mesh intervals has less, and so have rules with the places
+of each drone in 250 formations. Decoded it may take seventy times as much."""
+
 LARGEST_ATTACHED = 1 << 30
 """Size of all attachments together from which a log is refused [bytes]: the abort table
 of the greatest fleet has some hundred million."""
@@ -296,10 +301,13 @@ class _Walk:
         return log
 
     def _next(self, position: int) -> Record:
+        self._count(position)
+        return next_record(self.view, position)
+
+    def _count(self, position: int) -> None:
         self.records += 1
         if self.records > MOST_RECORDS:
             raise Damage(position, f"the log has more than {MOST_RECORDS:,} records")
-        return next_record(self.view, position)
 
     def _crc(
         self, crc: int, covered: memoryview | bytes, position: int, what: str
@@ -340,6 +348,7 @@ class _Walk:
     def _define(self, record: Record, found: tuple[Any, ...]) -> None:
         """Take a schema or a channel."""
         number, log, position = found[0], self.log, record.position
+        self._count(position)
         if record.opcode == Opcode.SCHEMA:
             schema = Schema(*found)
             if log.schemas.setdefault(number, schema) != schema or not number:
@@ -411,6 +420,9 @@ class _Walk:
                 start = record.start + _MESSAGE.size
                 if start > record.stop:
                     raise Damage(position, "a message is shorter than its head")
+                most = LARGEST_MESSAGE + MORE_EACH * len(self.log.channels)
+                if record.stop - start > most:
+                    raise Damage(position, "a message is larger than any of showc's")
                 channel, time = self._follow(_MESSAGE.unpack_from(data, record.start))
                 entries[channel] += _ENTRY.pack(time, position)
                 found.append((channel, time, start, record.stop))

@@ -8,6 +8,7 @@ import tomllib
 from collections import Counter, defaultdict
 from fractions import Fraction
 from importlib import resources
+from itertools import islice, product
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -140,9 +141,9 @@ def _parsed(kind: type[Parsed], message: LoggedMessage) -> Parsed:
 
 def _rules(log: LogFile) -> tuple[pb.Rules, int]:
     """Return the rules of the show, and the time stamp of its begin [ns]."""
-    found = [*log.messages(_on(log, RULES))]
+    found = [*islice(log.messages(_on(log, RULES)), 2)]
     if len(found) != 1:
-        raise Damage(0, f"{RULES} holds {len(found)} messages, not one")
+        raise Damage(0, f"{RULES} does not hold one message")
     rules = _parsed(pb.Rules, found[0])
     # What else they say must be what the script says.
     version, steps = rules.format_version, rules.duration * rules.log_rate
@@ -165,7 +166,8 @@ def _segments(log: LogFile, rules: pb.Rules, epoch: int) -> list[pb.Segment]:
         if not _sound(message, rules):
             raise Damage(offset, f"segment {message.name!r} contradicts itself")
         time = epoch + round(Fraction(message.start) * 10**9)
-        if (message.index, logged.time) != (len(found), time):
+        turn = message.index, logged.time
+        if turn != (len(found), time) or len(found) >= CAPS["segments"]:
             raise Damage(offset, f"segment {message.name!r} is not in its turn")
         found.append(message)
     if not found:
@@ -181,6 +183,7 @@ def _sound(message: pb.Segment, rules: pb.Rules) -> bool:
         list(message.drones) == list(range(rules.drones))
         and len(message.places) == rules.drones
         and len(message.goals) == 3 * rules.drones
+        and len(message.moves) <= CAPS["segments"]
         and message.limits < len(rules.limits)
         and message.kind in pb.Segment.Kind.values()
         and all(abs(number) < LARGEST for number in numbers)
@@ -216,11 +219,12 @@ def read_aborts(
         for row in table.rows
         for number in (row.time, row.rest, row.duration, *row.changes)
     ]
-    each = [list(range(rules.drones))] * len(table.legs)
     if not (
-        [sorted(flights[leg]) for leg in range(len(table.legs))] == each
-        and len(table.flights) == rules.drones * len(table.legs)
+        len(table.flights) == len(table.legs) * rules.drones
+        and [(one.segment, one.drone) for one in table.flights]
+        == [*product(range(len(table.legs)), range(rules.drones))]
         and all(_sound(leg, rules) for leg in table.legs)
+        and all(len(row.legs) <= CAPS["row"] for row in table.rows)
         and all(leg < len(table.legs) for row in table.rows for leg in row.legs)
         and all(abs(n) < LARGEST for n in numbers)
         and len(numbers) <= CAPS["samples"]

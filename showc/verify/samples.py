@@ -77,6 +77,9 @@ _ENCODERS = {"VRF122": srgb_bytes, "VRF123": drive_bytes}
 _STEPS = np.array(list(GRID.values()))
 """Of position, velocity, attitude, rates, thrust and torques."""
 
+_LARGEST = 256
+"""Bytes of each drone in a message: frames have half of it, points a quarter."""
+
 _AT_ONCE = 4096
 """Places on polynomials that are evaluated together; bounds the memory."""
 
@@ -267,16 +270,18 @@ class Samples:
         """Compare the scene, which is the same throughout."""
         scene = Compared()
         drawn = _bytes(scene_update(self.show.epoch, self.script))
-        if any(message.data != drawn for message in self._messages(SCENE)):
+        found = self.log.messages({self.topics.get(SCENE, -1)})
+        if any(message.data != drawn for message in found):
             scene.odd.append("it is another scene")
         return scene
 
     def _messages(
-        self, *topics: str, share: int = 0, shares: int = 1
+        self, channels: set[int], share: int = 0, shares: int = 1
     ) -> Iterator[Message]:
-        """Messages on some topics, in order."""
-        channels = {self.topics[topic] for topic in topics if topic in self.topics}
-        return self.log.messages(channels, share, shares)
+        """Messages on channels, empty where they have more than any of showc's."""
+        most = _LARGEST * (self.show.drones + 100)
+        for one in self.log.messages(channels, share, shares):
+            yield one if len(one.data) <= most else one._replace(data=b"")
 
     def clouds(self, share: int) -> Found:
         """Compare what is drawn of whole fleets in one share of the file."""
@@ -285,7 +290,7 @@ class Samples:
             (FLEET, "VRF122", POINT, self._fleet),
             (PREDICTED, "VRF127", PLACE, self._predicted),
         ):
-            messages = self._messages(topic, share=share, shares=SHARES)
+            messages = self._messages({self.topics.get(topic, -1)}, share, SHARES)
             while some := [*islice(messages, max(1, _AT_ONCE // self.show.drones))]:
                 points = self._points(some, layout)
                 if points is None:
@@ -326,7 +331,7 @@ class Samples:
     def states(self, share: int) -> Found:
         """Compare the messages of single drones in one share of the file."""
         found: Found = defaultdict(Compared)
-        messages = self.log.messages(set(self.single), share, SHARES)
+        messages = self._messages({*self.single}, share, SHARES)
         while some := [*islice(messages, _AT_ONCE)]:
             drones = np.array([self.single[one.channel] for one in some])
             times, size = self._since(some), DRONE_STATE.itemsize
@@ -354,11 +359,10 @@ class Samples:
             transforms=[root_transform(self.show.epoch, self.script.site)]
         )
         wanted = {self.show.epoch: [_bytes(root)]}
-        topics = (TRANSFORMS, FLEET) if self.show.drones <= SMALL_FLEET else ()
+        topics = {TRANSFORMS, *[FLEET] * (self.show.drones <= SMALL_FLEET)}
         # Of one time frames and points may come in any order.
-        for time, messages in groupby(
-            self._messages(*(topics or (TRANSFORMS,))), key=lambda one: one.time
-        ):
+        some = self._messages({self.topics.get(topic, -1) for topic in topics})
+        for time, messages in groupby(some, key=lambda one: one.time):
             expected, frames = wanted.pop(time, []), list[bytes]()
             for message in messages:
                 if message.channel == self.topics.get(TRANSFORMS):

@@ -772,6 +772,24 @@ def hostile(_: Log) -> Iterator[Lie]:  # noqa: C901 - a table
     yield Lie("a script of two million values", "VRF202", wide)
 
 
+def crowds(_: Log) -> Iterator[Lie]:
+    """Parts by the hundred thousand: few bytes of a file, and much memory."""
+
+    def parts(topic, number, tag):
+        def plant(found):
+            found.of(topic)[number].data += 200_000 * tag
+
+        return plant
+
+    def heavy(found):
+        for message in found.of("/fleet/state")[:20]:
+            message.data = bytes(100_000)
+
+    yield Lie("rules of many limits", "VRF203", parts("/show/rules", 0, b"\x62\0"))
+    yield Lie("a leg of many moves", DAMAGE, parts("/show/segments", 2, b"\x6a\0"))
+    yield Lie("samples of any size", "VRF122", heavy)
+
+
 def tails(_: Log) -> Iterator[Lie]:
     """Bytes that no reader unpacks, beside the packed data of a chunk."""
     hidden = b"\x50\x2a\x4d\x18\x06\x00\x00\x00hidden"
@@ -1463,7 +1481,7 @@ def _placed(message, place) -> None:
 TABLE = (
     *(rules, segments, metadata, attachments, manifest, fleet, states, frames),
     *(scene, timing, channels, trajectories, script, hostile),
-    *(tails, claims, documents, drawn, small_numbers, wobbles, odd_claims),
+    *(crowds, tails, claims, documents, drawn, small_numbers, wobbles, odd_claims),
     *(words, codings, senses, containers, finest_flights, finest_claims),
     *(finest_samples, finest_rules),
 )

@@ -246,11 +246,17 @@ def test_a_bomb_is_not_unpacked(whole, tmp_path):
 
 @pytest.mark.parametrize(
     "limit",
-    ["LARGEST_UNPACKED", "LARGEST_ATTACHED", "MOST_MESSAGES", "MOST_RECORDS"],
+    [
+        *("LARGEST_UNPACKED", "LARGEST_ATTACHED", "LARGEST_MESSAGE"),
+        *("MOST_MESSAGES", "MOST_RECORDS"),
+    ],
 )
 def test_a_log_beyond_all_sizes_is_refused(log_path, monkeypatch, limit):
     monkeypatch.setattr(f"showc.log.container.{limit}", 3)
-    with pytest.raises(DamagedLogError, match=r"more than|too large in sum"):
+    monkeypatch.setattr("showc.log.container.MORE_EACH", 0)
+    with pytest.raises(
+        DamagedLogError, match=r"more than|too large in sum|larger than"
+    ):
         verify_log(log_path, missions=False)
 
 

@@ -22,6 +22,10 @@ TOLERANCE = 1e-9
 """How far two numbers may differ, as a fraction of their size; in lists never less than
 of 1: another library of mathematics may have worked places near zero out [m]."""
 
+_MORE = 10_000
+"""Bytes beyond twice its own from which a message is not gone into: as text it would
+take a hundred times as many."""
+
 
 def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
     """Return what a document says that all readers read alike.
@@ -53,6 +57,8 @@ def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
 
 def differences(found: Message, wanted: Message) -> tuple[str, ...]:
     """Return what differs between two messages, at most a few lines."""
+    if found.ByteSize() > 2 * wanted.ByteSize() + _MORE:
+        return (f"{wanted.DESCRIPTOR.name} says far more than is asked for",)
     one, other = (
         MessageToDict(
             message,
