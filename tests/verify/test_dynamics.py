@@ -308,8 +308,8 @@ def test_what_interpolation_leaves_out_is_bounded_in_balls(seed, degree, turn):
     value, error, size = _sides(
         _rows_last(table.state), _rows_last(table.control), VEHICLE, scheme
     )
-    found = np.tensordot(_transform(scheme.degree), value, axes=1)[:, :3, 0]
-    allowed = (error + GAMMA * scheme.gain * size)[:3, 0]
+    found = np.tensordot(_transform(scheme[0]), value, axes=1)[:, :3, 0]
+    allowed = (error + GAMMA * scheme[-1] * size)[:3, 0]
     flint.ctx.prec = 200
     for share in (flint.arb(float(one)) for one in rng.uniform(0.0, 1.0, 12)):
         push = bernstein_ball(control[0, :, 0], share) / flint.arb(VEHICLE.mass)
@@ -333,13 +333,13 @@ def test_integrals_and_coefficients_are_right_in_balls(seed, degree):
     """Integrals of a polynomial from its values, against exact ones."""
     rng = np.random.default_rng(seed)
     logged = rng.uniform(-5.0, 5.0, degree + 1)
-    scheme = _scheme(degree, 0)
+    _, (states, _), integrals, gain = _scheme(degree, 0)
     flint.ctx.prec = 200
-    value = scheme.state @ logged
-    rounding = GAMMA * scheme.gain * 5.0
+    value = states @ logged
+    rounding = GAMMA * gain * 5.0
     share = flint.arb(float(rng.uniform()))
     integral, again = logged, None
-    for matrix in (scheme.once, scheme.twice):
+    for matrix in integrals:
         # The integral of a Bernstein polynomial has the mean of partial sums.
         integral = [
             sum((flint.arb(float(one)) for one in integral[:k]), flint.arb(0))

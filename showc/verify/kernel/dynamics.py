@@ -56,12 +56,12 @@ kappa at most, the right sides are off by what kappa of all rotors gives.
 times the sum of its absolute values, u = 2^-53 (Higham 2002, Accuracy and Stability of
 Numerical Algorithms, section 3.1); sines and cosines are taken to be right to 4 u. No
 result here takes more than 1000 such steps, halvings of intervals and the entries of
-matrices included, and all factors of a linear map add up to :attr:`_Scheme.gain`.
+matrices included, and all factors of a linear map add up to the gain of a scheme.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -70,7 +70,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebint
 
 from showc.verify.kernel.bernstein import basis, halves
-from showc.verify.kernel.show import PieceTable, Seen, Statement, worst
+from showc.verify.kernel.show import PieceTable, Seen, Statement, worst, xyz
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -119,6 +119,9 @@ ANGLE, RATE = float(np.radians(0.005)), float(np.radians(0.005))
 
 TOLERANCES = np.repeat([POSITION, VELOCITY, ANGLE, RATE], 3)
 """The same for each of the twelve states (SI)."""
+
+_Matrices = tuple["FloatArray", "FloatArray"]
+_Scheme = tuple[int, _Matrices, _Matrices, float]
 
 _EVERY = "a bound on every instant, rounding and clipped controls included"
 
@@ -222,47 +225,27 @@ def _chebyshev(degree: int) -> FloatArray:
     return _transform(degree) @ basis(degree, _points(degree))
 
 
-def _integral(degree: int) -> FloatArray:
-    """Matrix from Chebyshev coefficients to those of the integral from 0 to s."""
-    return np.asarray(chebint(np.eye(degree + 1), lbnd=-1, scl=0.5))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Scheme:
-    """Everything of step 1 that depends on degrees alone."""
-
-    degree: int
-    """N."""
-    state: FloatArray
-    """Basis of the states at the nodes, shape (N + 1, state degree + 1)."""
-    control: FloatArray
-    """Basis of the controls at the nodes, shape (N + 1, control degree + 1)."""
-    once: FloatArray
-    """From values to Chebyshev coefficients of the integral, (N + 2, N + 1)."""
-    twice: FloatArray
-    """From values to those of the integral of the integral, (N + 3, N + 1)."""
-    gain: float
-    """Sum of absolute values of all factors that go into either, or into logged
-    coefficients: rounding is multiplied by it at most."""
-
-
 @lru_cache(maxsize=32)
 def _scheme(state_degree: int, control_degree: int) -> _Scheme:
+    """Return everything of step 1 that depends on degrees alone.
+
+    These are N; the bases of states and controls at the nodes; the matrices from values
+    there to Chebyshev coefficients of their integral, and of its integral; and the sum
+    of absolute values of all factors that go into either, or into logged coefficients:
+    rounding is multiplied by it at most.
+    """
     # Products of two rates are polynomials of twice their degree.
     degree = max(2 * state_degree, control_degree, 4)
-    transform = _transform(degree)
-    first, second = _integral(degree), _integral(degree + 1)
-    nodes = _points(degree)
+    transform, nodes = _transform(degree), _points(degree)
+    # From Chebyshev coefficients to those of the integral from 0 to s.
+    first, second = (
+        chebint(np.eye(size + 1), lbnd=-1, scl=0.5) for size in (degree, degree + 1)
+    )
     size = np.abs(first) @ np.abs(transform)
     gain = 2.0 * (state_degree + 2.0) + size.sum() + (np.abs(second) @ size).sum()
-    return _Scheme(
-        degree,
-        basis(state_degree, nodes),
-        basis(control_degree, nodes),
-        first @ transform,
-        second @ first @ transform,
-        float(gain),
-    )
+    bases = basis(state_degree, nodes), basis(control_degree, nodes)
+    once = first @ transform
+    return degree, bases, (once, second @ once), float(gain)
 
 
 # --- step 1: right sides on some mesh intervals ---------------------------------------
@@ -316,30 +299,30 @@ def _sides(
     (N + 1, 6, rows), what interpolation and clipping leave out at every instant, and
     the sum of absolute values of what was added up, each (6, rows).
     """
-    state = np.tensordot(scheme.state, logged[:, 6:], axes=1)
-    control = np.tensordot(scheme.control, pushed, axes=1)
-    ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
-    over = np.array([vehicle.torque_factor / ix, vehicle.torque_factor / iy, 1.0 / iz])
-    coupling = np.array([(iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz])
+    degree, (states, controls), *_ = scheme
+    state = np.tensordot(states, logged[:, 6:], axes=1)
+    control = np.tensordot(controls, pushed, axes=1)
+    factor = vehicle.torque_factor
+    over = np.array([factor, factor, 1.0]) / xyz(vehicle.inertia)
+    coupling = _couplings(vehicle)
     value = np.empty((state.shape[0], 6, state.shape[2]))
     thrust = control[:, 0] / vehicle.mass
     value[:, :3] = thrust[:, None] * _direction(state[:, :3])
     value[:, 2] -= vehicle.gravity
     value[:, 3:] = over[:, None] * control[:, 1:]
     rate = state[:, 3:]
-    for axis, (one, other) in enumerate(((1, 2), (0, 2), (0, 1))):
-        value[:, 3 + axis] += coupling[axis] * rate[:, one] * rate[:, other]
+    value[:, 3:] += coupling[:, None] * rate[:, _ONE] * rate[:, _OTHER]
 
     most = np.abs(pushed).max(axis=0)
     angles, rates = np.split(np.abs(logged[:, 6:]).max(axis=0), 2)
     size = np.empty((6, state.shape[2]))
     size[:3] = most[0] / vehicle.mass * (1.0 + angles.sum(axis=0)) + vehicle.gravity
-    pairs = np.stack([rates[1] * rates[2], rates[0] * rates[2], rates[0] * rates[1]])
-    size[3:] = over[:, None] * most[1:] + np.abs(coupling)[:, None] * pairs
+    size[3:] = over[:, None] * most[1:]
+    size[3:] += np.abs(coupling)[:, None] * rates[_ONE] * rates[_OTHER]
 
     off = np.abs(allocation(vehicle)) @ _excess(pushed, vehicle)
     error = np.empty((6, state.shape[2]))
-    error[:3] = _truncation(logged, pushed, vehicle.mass, scheme.degree)
+    error[:3] = _truncation(logged, pushed, vehicle.mass, degree)
     error[:3] += off[0] / vehicle.mass
     error[3:] = over[:, None] * off[1:]
     return value, error, size
@@ -351,14 +334,14 @@ def _direction(angles: FloatArray) -> FloatArray:
     s_roll, s_pitch, s_yaw = sine[:, 0], sine[:, 1], sine[:, 2]
     c_roll, c_pitch, c_yaw = cosine[:, 0], cosine[:, 1], cosine[:, 2]
     level = c_roll * s_pitch
-    return np.stack(
-        [
-            level * c_yaw + s_roll * s_yaw,
-            level * s_yaw - s_roll * c_yaw,
-            c_roll * c_pitch,
-        ],
-        axis=1,
-    )
+    x, y = level * c_yaw + s_roll * s_yaw, level * s_yaw - s_roll * c_yaw
+    return np.stack([x, y, c_roll * c_pitch], axis=1)
+
+
+def _couplings(vehicle: Vehicle) -> FloatArray:
+    """c1, c2 and c3."""
+    inertia = xyz(vehicle.inertia)
+    return (inertia[[1, 2, 0]] - inertia[[2, 0, 1]]) / inertia
 
 
 # --- step 1: defects ------------------------------------------------------------------
@@ -367,6 +350,8 @@ _FIRST = [3, 4, 5, 9, 10, 11]
 """What the right sides are integrated to: velocity and rates."""
 _SECOND = [0, 1, 2, 6, 7, 8]
 """What these are integrated to: position and angles."""
+_ONE, _OTHER = [1, 0, 0], [2, 2, 1]
+"""Rates whose products turn the drone about each axis."""
 
 
 def _defects(table: PieceTable, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
@@ -375,9 +360,10 @@ def _defects(table: PieceTable, vehicle: Vehicle) -> tuple[FloatArray, FloatArra
     width, state = table.end - table.start, _rows_last(table.state)
     value, error, size = _sides(state, _rows_last(table.control), vehicle, scheme)
     whole = np.abs(state).max(axis=0)
-    rounding = GAMMA * scheme.gain
+    _, _, integrals, gain = scheme
+    rounding = GAMMA * gain
     polynomial, step, off = [], [], []
-    for k, matrix in enumerate((scheme.once, scheme.twice)):
+    for k, matrix in enumerate(integrals):
         power = width ** (k + 1)
         found = np.tensordot(matrix, value, axes=1) * power
         step.append(found.sum(axis=0))
@@ -425,11 +411,9 @@ def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
     ]
     width = fine.end - fine.start
     total = np.add.reduceat(width, each)
-    ix, iy, iz = vehicle.inertia.x, vehicle.inertia.y, vehicle.inertia.z
-    coupling = np.abs([(iy - iz) / ix, (iz - ix) / iy, (ix - iy) / iz])
     hull = np.abs(fine.state[:, :, 9:]).max(axis=1)
-    pairs = hull[:, [1, 0, 0]] + hull[:, [2, 2, 1]] + ETA
-    growth = np.add.reduceat(width * (coupling * pairs).max(axis=1), each)
+    slopes = np.abs(_couplings(vehicle)) * (hull[:, _ONE] + hull[:, _OTHER] + ETA)
+    growth = np.add.reduceat(width * slopes.max(axis=1), each)
     sup = greatest[0][3:].max(axis=0)
     within = sup * np.exp(growth) <= ETA
     gyroscopic = np.where(within, sup * np.expm1(growth), np.inf)
@@ -452,10 +436,10 @@ def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
 
 def _refined(table: PieceTable, vehicle: Vehicle) -> PieceTable:
     """Halve intervals on which step 1 would be coarse."""
-    scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
+    degree, *_ = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
     for _ in range(_HALVINGS):
         state, control = _rows_last(table.state), _rows_last(table.control)
-        rest = _truncation(state, control, vehicle.mass, scheme.degree)
+        rest = _truncation(state, control, vehicle.mass, degree)
         coarse = ~(rest <= _FINE) | (_excess(control, vehicle).max(axis=0) > _CLIPPED)
         if not coarse.any():
             break
@@ -465,15 +449,12 @@ def _refined(table: PieceTable, vehicle: Vehicle) -> PieceTable:
 
 def _halved(table: PieceTable, chosen: BoolArray) -> PieceTable:
     """Write the same polynomials with the chosen intervals in two halves."""
-    rest, middle = ~chosen, 0.5 * (table.start + table.end)
-    start = np.concatenate([table.start[rest], table.start[chosen], middle[chosen]])
-    end = np.concatenate([table.end[rest], middle[chosen], table.end[chosen]])
-    owner = np.concatenate([table.owner[rest], *[table.owner[chosen]] * 2])
-    order = np.lexsort((start, owner))
-    state, control = (
-        np.concatenate([whole[rest], *halves(whole[chosen])])[order]
-        for whole in (table.state, table.control)
-    )
-    first = np.searchsorted(owner[order], table.drones)
-    first = np.append(first, owner.size).astype(np.int64)
-    return PieceTable(table.drones, first, start[order], end[order], state, control)
+    count = 1 + chosen
+    first = np.append(0, np.cumsum(count))
+    row, left = np.repeat(np.arange(chosen.size), count), first[:-1][chosen]
+    start, end = table.start[row], table.end[row]
+    start[left + 1] = end[left] = 0.5 * (start[left] + end[left])
+    state, control = table.state[row], table.control[row]
+    for whole in (state, control):
+        whole[left], whole[left + 1] = halves(whole[left])
+    return PieceTable(table.drones, first[table.first], start, end, state, control)
