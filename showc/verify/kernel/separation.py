@@ -193,9 +193,8 @@ class _Search:
         rounding = GAMMA * float(max(scaled.max(initial=0.0), -scaled.min(initial=0.0)))
         self.error = 2.0 * (rounding + MOMENT * positions.speed)
         self._start(positions.position[positions.first[:-1], 0], positions.begin)
-        for low, high in edges(
-            positions, _FURTHEST * max(self.best.distance, self.wanted)
-        ):
+        furthest = _FURTHEST * max(self.best.distance, self.wanted)
+        for low, high in edges(tracks.begin, tracks.end, positions.speed, furthest):
             self._slice(positions, low, high, _HALVINGS)
             if self._over:
                 break

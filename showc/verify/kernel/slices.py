@@ -265,25 +265,12 @@ def take(positions: Tracks, low: float, high: float, measure: Measure) -> Slice:
     return Slice(begin, end, 0.5 * measure(end - begin) + away, away)
 
 
-def edges(positions: Tracks, distance: float) -> Iterator[tuple[float, float]]:
-    """Cut a stretch at common mesh points, and in between where drones fly far.
+def edges(
+    begin: float, end: float, speed: float, furthest: float, most: int = _SLICES
+) -> Iterator[tuple[float, float]]:
+    """Cut a stretch of time [s] into slices, ``most`` of them at most.
 
-    No drone flies further than ``distance`` [m] in a slice. Show times between which
-    slices lie are yielded [s]; it is one for all if nothing moves.
+    Else what flies with ``speed`` [m/s] flies no further than ``furthest`` [m] in one.
     """
-    speed = positions.speed
-    if speed == 0.0:
-        yield positions.begin, positions.end
-        return
-    times, counts = np.unique(np.round(positions.starts, 9), return_counts=True)
-    inside = (times > positions.begin) & (times < positions.end)
-    common = inside & (counts >= 0.25 * counts[inside].max(initial=1))
-    longest = max(distance / speed, (positions.end - positions.begin) / _SLICES)
-    cuts = [positions.begin]
-    for time in times[common].tolist():
-        # Of meshes finer than slices have to be, most points are no cuts.
-        if time - cuts[-1] >= 0.5 * longest:
-            cuts.append(time)
-    for low, high in pairwise([*cuts, positions.end]):
-        parts = max(1, int(np.ceil((high - low) / longest)))
-        yield from pairwise(np.linspace(low, high, parts + 1).tolist())
+    parts = int(np.clip(np.ceil((end - begin) * speed / furthest), 1, most))
+    yield from pairwise(np.linspace(begin, end, parts + 1).tolist())

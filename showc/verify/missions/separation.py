@@ -17,14 +17,14 @@ Before that, slices of time in which drones fly a few metres leave few pairs to 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.verify.kernel.bernstein import least
 from showc.verify.kernel.separation import Nearest
-from showc.verify.kernel.slices import Measure, Slice, measures, neighbours
+from showc.verify.kernel.slices import Measure, Slice, edges, measures, neighbours
 from showc.verify.missions.law import CONSTANTS, Covered
 from showc.verify.missions.legs import UNTIMED
 
@@ -89,29 +89,23 @@ class Stretch:
     def search(self, furthest: float, best: Nearest) -> None:
         """Look at all pairs in slices, in which drones fly ``furthest`` [m] or less.
 
-        The nearest encounter goes into ``best``.
+        The nearest encounter goes into ``best``. Few drones have few pairs to sort.
         """
-        instants = self._instants(furthest)
-        found: list[FloatArray] = []
-        for low, high in pairwise(instants):
-            near = self._candidates(low, high, best)
-            times = np.broadcast_to([low, high], near.shape)
-            found.append(np.concatenate([near, times], axis=1))
-            many = sum(map(len, found))
-            if many > _TOGETHER or (many and high == instants[-1]):
-                pairs, times = np.split(np.concatenate(found), 2, axis=1)
-                self._decide(pairs.astype(np.int64), times, best)
-                found = []
-
-    def _instants(self, furthest: float) -> list[float]:
-        """Instants between which slices lie [s]; few drones have few pairs to sort."""
-        leg, flights, span = self.leg, self.fleet.profiles, self.last - self.first
+        leg, flights = self.leg, self.fleet.profiles
         length = np.where(flights.length > 0.0, flights.length, np.inf)
         rate = flights.speed[leg] / length[leg]
         speed = float((rate * self.measure(self.along)).max())
         most = min(leg.size, _SLICES)
-        count = int(np.clip(np.ceil(span * speed / furthest), 1, most))
-        return [float(t) for t in np.linspace(self.first, self.last, count + 1)]
+        found: list[FloatArray] = []
+        for low, high in edges(self.first, self.last, speed, furthest, most):
+            near = self._candidates(low, high, best)
+            times = np.broadcast_to([low, high], near.shape)
+            found.append(np.concatenate([near, times], axis=1))
+            many = sum(map(len, found))
+            if many > _TOGETHER or (many and high == self.last):
+                pairs, times = np.split(np.concatenate(found), 2, axis=1)
+                self._decide(pairs.astype(np.int64), times, best)
+                found = []
 
     def _candidates(self, low: float, high: float, best: Nearest) -> IntArray:
         """Pairs (n, 2) of which a drone moves that may come nearer than the best."""
