@@ -32,13 +32,12 @@ from showc.verify.kernel.show import (
     PieceTable,
     Segment,
 )
-from showc.verify.report import agreement
+from showc.verify.report import Check, agreement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.log.container import LogFile
-    from showc.verify.report import Check
 
 Parsed = TypeVar("Parsed", bound=Message)
 

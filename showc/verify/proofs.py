@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.log.container import open_log
+from showc.log.container import LogFile, open_log
 from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME, ADDITIONS, METADATA_NAME
 from showc.processes import side_by_side
@@ -21,7 +21,7 @@ from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.missions import Missions
-from showc.verify.report import Place, Verification, checked
+from showc.verify.report import Check, Place, Verification, checked
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
 from showc.verify.specification.aborts import Aborts, bound_to
@@ -31,9 +31,7 @@ from showc.verify.specification.demands import hold_against
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from showc.log.container import LogFile
     from showc.verify.kernel.show import Statement
-    from showc.verify.report import Check
 
 
 def verify_log(

@@ -38,7 +38,7 @@ from showc.log.sample import (
 from showc.log.scene import fleet_transforms, point_cloud, root_transform, scene_update
 from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORMS
 from showc.verify.kernel.bernstein import basis
-from showc.verify.report import Place, checked
+from showc.verify.report import Check, Place, checked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow, PieceTable
     from showc.verify.missions.separation import Tubes
-    from showc.verify.report import Check
 
 SHARES = 32
 """Parts of the file whose samples can be compared side by side."""

@@ -10,12 +10,10 @@ from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from showc.codes import read_codes
+from showc.codes import Code, read_codes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    from showc.codes import Code
 
 ROOMS = {
     "container": "The bytes of the log, and the samples in it (VRF1xx)",

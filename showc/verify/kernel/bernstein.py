@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray
 
-
 MOST = 500_000
 """Intervals open at once at which a search gives up: what it looks for is undecided."""
 

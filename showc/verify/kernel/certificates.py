@@ -60,7 +60,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.verify.kernel.choreography import AT_REST, JOINT
-from showc.verify.kernel.show import Seen, Statement, worst, xyz
+from showc.verify.kernel.show import LoggedShow, Seen, Segment, Statement, worst, xyz
 from showc.verify.kernel.slices import Tracks, measures
 
 if TYPE_CHECKING:
@@ -70,8 +70,6 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Limits, Rules
     from showc.log.showc_pb2 import Segment as SegmentMessage
     from showc.verify.kernel.separation import Encounter
-    from showc.verify.kernel.show import LoggedShow, Segment
-
 
 CELLS = 4096
 """Cells on each stretch between two knots."""

@@ -15,14 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.log import showc_pb2 as pb
-from showc.verify.kernel.show import Seen, Statement, worst
+from showc.verify.kernel.show import LoggedShow, Seen, Statement, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import FloatArray
-    from showc.verify.kernel.show import LoggedShow
-
 
 REACHED = 1e-3
 """Distance from its place at which a drone has reached it [m]."""

@@ -79,7 +79,6 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Vehicle
     from showc.verify.kernel.show import LoggedShow, Segment
 
-
 GAMMA = 1000 * 2.0**-53 / (1.0 - 1000 * 2.0**-53)
 """gamma_1000: relative rounding of anything worked out here, before gains."""
 

@@ -33,7 +33,6 @@ from showc.verify.kernel.slices import innermost
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
 
-
 RESOLUTION = 1e-6
 """Width of the enclosure of the least distance [m]."""
 

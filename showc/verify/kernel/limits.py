@@ -40,15 +40,13 @@ from showc.verify.kernel.bernstein import elevate, least, product, square_sum
 from showc.verify.kernel.dynamics import GAMMA, TOLERANCES, rotor_shares
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
-from showc.verify.kernel.show import Statement, xyz
+from showc.verify.kernel.show import LoggedShow, PieceTable, Segment, Statement, xyz
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from showc.arrays import FloatArray
     from showc.log.showc_pb2 import Limits, Rules
-    from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
-
 
 RESOLUTION = 1e-9
 """Width of the enclosure at which halving stops, as a fraction of the limit's range."""

@@ -30,7 +30,7 @@ import numpy as np
 
 from showc.verify.kernel.bernstein import least, square_sum
 from showc.verify.kernel.dynamics import GAMMA, POSITION
-from showc.verify.kernel.show import Statement
+from showc.verify.kernel.show import LoggedShow, Segment, Statement
 from showc.verify.kernel.slices import (
     MOMENT,
     Measure,
@@ -47,8 +47,6 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Separation
-    from showc.verify.kernel.show import LoggedShow, Segment
-
 
 RESOLUTION = 5e-7
 """Width of the enclosure of the closest encounter [m]."""

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Rules, Vector3
     from showc.log.showc_pb2 import Segment as SegmentMessage
 
-
 STATE_COMPONENTS = 12  # position, velocity, attitude, body rates
 CONTROL_COMPONENTS = 4  # thrust and three torques
 

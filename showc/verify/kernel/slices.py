@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.show import Segment
 
-
 MOMENT = 1e-8
 """Times nearer to each other than this are one [s]: rounding of times of day-long
 shows. What a drone flies in it is part of every error bound that uses tracks."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
-from showc.verify.kernel.show import xyz
+from showc.verify.kernel.show import LoggedShow, xyz
 from showc.verify.missions.law import CONSTANTS, KNOWN
 from showc.verify.missions.separation import (
     RESOLUTION,
@@ -23,7 +23,7 @@ from showc.verify.missions.separation import (
     nearest_timed,
     nearest_untimed,
 )
-from showc.verify.report import Place, agreement, checked
+from showc.verify.report import Check, Place, Verdict, agreement, checked
 from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
@@ -33,9 +33,7 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Site
     from showc.script.show import Show
     from showc.verify.kernel.separation import Nearest
-    from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.legs import FleetLegs
-    from showc.verify.report import Check, Verdict
     from showc.verify.specification.demands import Move
 
 _WORD = re.compile(r"[\w:.,+ -]{1,80}", re.ASCII)

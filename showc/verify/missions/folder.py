@@ -30,7 +30,7 @@ from showc.verify.missions.law import KNOWN, fastest_level, parameter_file
 from showc.verify.missions.legs import Clock, fleet_legs, standing, to_show_frame
 from showc.verify.missions.lights import Lit, unlit
 from showc.verify.missions.separation import Tubes
-from showc.verify.report import agreement, checked
+from showc.verify.report import Check, Verdict, agreement, checked
 from showc.verify.specification.compare import read_json, unlike
 from showc.verify.specification.cover import object_in, read_manifest
 
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.language import Item
     from showc.verify.missions.legs import FleetLegs
-    from showc.verify.report import Check, Verdict
     from showc.verify.specification.demands import Demands
 
 PARAMETERS = str(KNOWN["file"])

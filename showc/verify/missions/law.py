@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.script.show import Show
 
-
 KNOWN: dict[str, Any] = tomllib.loads(
     resources.files(__package__).joinpath("law.toml").read_text(encoding="utf-8")
 )

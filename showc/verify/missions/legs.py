@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from showc.verify.missions.language import MissionFormatError
+from showc.verify.missions.language import Item, Mission, MissionFormatError
 from showc.verify.missions.law import (
     CONSTANTS,
     KNOWN,
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Site
     from showc.script.show import Show
-    from showc.verify.missions.language import Item, Mission
-
 
 DAY, HOUR = 86400.0, 3600.0
 """After these the clock shows the same, with and without the hour named [s]."""

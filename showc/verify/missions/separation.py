@@ -26,15 +26,13 @@ from showc.verify.kernel.bernstein import least
 from showc.verify.kernel.separation import Nearest
 from showc.verify.kernel.slices import Measure, Slice, edges, measures, neighbours
 from showc.verify.missions.law import CONSTANTS, Covered
-from showc.verify.missions.legs import UNTIMED
+from showc.verify.missions.legs import UNTIMED, FleetLegs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Separation
-    from showc.verify.missions.legs import FleetLegs
-
 
 RESOLUTION = 2e-3
 """How far the proved distance may lie below the true one [m]."""

@@ -29,8 +29,8 @@ from showc.verify.kernel.choreography import MOMENT, REACHED, joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
-from showc.verify.kernel.show import LoggedShow, Seen, Statement, worst
-from showc.verify.report import agreement
+from showc.verify.kernel.show import LoggedShow, Seen, Segment, Statement, worst
+from showc.verify.report import Check, agreement
 from showc.verify.samples import flown
 from showc.verify.specification.compare import differences, read_json
 from showc.verify.specification.rules import limits_message
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.log.container import LogFile
     from showc.script.show import Show
-    from showc.verify.kernel.show import Segment
-    from showc.verify.report import Check
 
 GROUNDED = 0.05
 """Height over the pads up to which a drone stands on the ground [m]."""

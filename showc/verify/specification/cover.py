@@ -19,7 +19,7 @@ from showc.log.facts import (
 from showc.log.schema import ADDITIONS, LAYOUT_NAME, MANIFEST_NAME, PREDICTED
 from showc.script import read_show
 from showc.verify.decode import CAPS
-from showc.verify.report import agreement, checked
+from showc.verify.report import Check, agreement, checked
 from showc.verify.specification.compare import read_json, unlike
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from showc.log.container import LogFile
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
-    from showc.verify.report import Check
 
 _NIL: dict[str, Any] = {"autopilot": None, "files": {}, "prediction": {}, "start": None}
 """What a manifest says where there are none; else they are checked by themselves."""

@@ -17,9 +17,9 @@ from showc.light.keyframes import PARKED, Lit, keyframes_of
 from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
 from showc.script.lanes import arrival, chapters, common, departure, own_times
-from showc.script.moving import moving_places
+from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, REACHED
-from showc.verify.report import agreement
+from showc.verify.report import Check, agreement
 from showc.verify.specification.compare import differences, unlike
 from showc.verify.specification.lanes import ON_TIME, Flight, Lanes, StrayError
 from showc.verify.specification.motion import astray, standing
@@ -29,12 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from showc.arrays import FloatArray, IntArray
-    from showc.script.moving import MovingPlaces
     from showc.script.show import Effect, Show, Transition
     from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow, Segment
-    from showc.verify.report import Check
-
 
 PLACE_ERROR = 1e-9
 """How far a goal may be off its place: rounding, not flight [m]."""

@@ -16,7 +16,7 @@ from showc.log import showc_pb2 as pb
 from showc.script.lanes import lanes
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, turn
 from showc.verify.kernel.dynamics import STILL
-from showc.verify.kernel.show import PieceTable
+from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
 from showc.verify.samples import flown
 from showc.verify.specification.motion import astray, standing
 
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.script.moving import MovingPlaces
     from showc.script.show import Show, Transition
-    from showc.verify.kernel.show import LoggedShow, Segment
-
 
 ON_TIME = 0.01
 """How far an arrival or a departure may be off the time that the script asks for [s]:
