@@ -186,17 +186,14 @@ def _integrity(log: LogFile) -> Check:
 def _check(statement: Statement) -> Check:
     """Turn what the kernel proves into a check."""
     holds, drones = statement.holds, [drone + 1 for drone in statement.drones]
+    drone = drones[0] if len(drones) == 1 else None
+    pair = (drones[0], drones[1]) if len(drones) == 2 else None
     return checked(
         statement.code,
         "skipped" if holds is None else "pass" if holds else "fail",
         statement.value,
         statement.limit,
         statement.unit,
-        where=Place(
-            drones[0] if len(drones) == 1 else None,
-            (drones[0], drones[1]) if len(drones) == 2 else None,
-            statement.segment,
-            statement.time,
-        ),
+        where=Place(drone, pair, statement.segment, statement.time),
         notes=statement.notes,
     )

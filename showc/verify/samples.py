@@ -38,6 +38,7 @@ from showc.log.sample import (
 from showc.log.scene import fleet_transforms, point_cloud, root_transform, scene_update
 from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORMS
 from showc.verify.kernel.bernstein import basis
+from showc.verify.kernel.slices import Tracks
 from showc.verify.report import Check, Place, checked
 
 if TYPE_CHECKING:
@@ -107,14 +108,13 @@ def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
     """
     drones = np.arange(table.drones.size)
     result = np.empty((16, times.size, drones.size))
-    # Times rise along a drone's rows; an offset for each makes them rise over all.
-    far = 2.0 * (float(table.end.max()) + float(np.abs(times).max(initial=0.0)) + 1.0)
-    keys = table.start + far * np.repeat(drones, np.diff(table.first))
+    position = table.state[:, :, :3]
+    ends = 0.0, float(table.end.max())
+    tracks = Tracks(*ends, table.first, table.start, table.end, position)
     step = max(1, _AT_ONCE // drones.size)
     for begin in range(0, times.size, step):
-        part = times[begin : begin + step, None]
-        row = np.searchsorted(keys, part + far * drones, side="right") - 1
-        row = np.clip(row, table.first[:-1], table.first[1:] - 1)
+        part = np.clip(times[begin : begin + step, None], *ends)
+        row = tracks.at(drones, part)
         start, end = table.start[row], table.end[row]
         share = np.clip((part - start) / (end - start), 0.0, 1.0)
         for some, coefficients in (

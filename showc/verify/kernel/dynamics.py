@@ -420,14 +420,9 @@ def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
     # Four rotors at full speed: clipped controls ask for no more.
     push = 4.0 * vehicle.thrust_coefficient * vehicle.rotor_speed_max**2 / vehicle.mass
     lean = total * push * angles.sum(axis=0)
-    found = np.concatenate(
-        [
-            greatest[1][:3] + 0.5 * total * lean,
-            greatest[0][:3] + lean,
-            angles,
-            greatest[0][3:] + gyroscopic,
-        ]
-    ).T
+    position = greatest[1][:3] + 0.5 * total * lean
+    velocity, rates = greatest[0][:3] + lean, greatest[0][3:] + gyroscopic
+    found = np.concatenate([position, velocity, angles, rates]).T
     # Sums of positive numbers, each off by rounding alone.
     found *= 1.0 + GAMMA
     return np.where(np.isfinite(found), found, np.inf)

@@ -69,14 +69,10 @@ class PieceTable:
             end = int(np.searchsorted(self.first, self.first[begin] + rows, "right"))
             end = min(max(end - 1, begin + 1), self.drones.size)
             part = slice(int(self.first[begin]), int(self.first[end]))
-            yield PieceTable(
-                self.drones[begin:end],
-                self.first[begin : end + 1] - part.start,
-                self.start[part],
-                self.end[part],
-                self.state[part],
-                self.control[part],
-            )
+            first = self.first[begin : end + 1] - part.start
+            columns = self.start, self.end, self.state, self.control
+            some = (column[part] for column in columns)
+            yield PieceTable(self.drones[begin:end], first, *some)
             begin = end
 
 

@@ -198,10 +198,10 @@ def profiles(
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     speed = np.where(fits, speed, low)
     edges, phases = _assembled(length, speed, _ramp(speed, push, law))
+    cruise = np.where(length > 0.0, speed, 0.0)
     # Fitted to measured flights, as the delay is: 90 and 45 ms of cruise.
-    beyond = 0.045 * (1.0 + flat**2) * np.where(length > 0.0, speed, 0.0)
-    still = np.where(length > 0.0, speed, 0.0)
-    spread, late = _tubes(still, wind)
+    beyond = 0.045 * (1.0 + flat**2) * cruise
+    spread, late = _tubes(cruise, wind)
     return Profiles(length, speed, edges, phases, flat, beyond, spread, late)
 
 
@@ -279,15 +279,13 @@ def _advanced(phase: FloatArray, since: FloatArray) -> FloatArray:
     # Integrals of the cosine.
     once, twice = np.sin(angle) / turn, (1.0 - np.cos(angle)) / turn**2
     thrice = (since - once) / turn**2
-    return np.stack(
-        [
-            distance
-            + since * (speed + since * (0.5 * push + since * (constant / 6.0)))
-            + cosine * thrice,
-            speed + since * (push + since * (0.5 * constant)) + cosine * twice,
-            push + since * constant + cosine * once,
-        ]
+    distance = distance + since * (
+        speed + since * (0.5 * push + since * (constant / 6.0))
     )
+    speed = speed + since * (push + since * (0.5 * constant))
+    push = push + since * constant
+    waves = cosine * np.stack([thrice, twice, once])
+    return np.asarray(np.stack([distance, speed, push]) + waves)
 
 
 def parameters(show: Show) -> dict[str, float]:

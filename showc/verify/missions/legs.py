@@ -48,14 +48,9 @@ def earth_centred(
     phi, theta = np.radians(latitude), np.radians(longitude)
     height = np.asarray(altitude, dtype=np.float64)
     normal = EQUATORIAL_RADIUS / np.sqrt(1.0 - _ECCENTRICITY_SQUARED * np.sin(phi) ** 2)
-    return np.stack(
-        [
-            (normal + height) * np.cos(phi) * np.cos(theta),
-            (normal + height) * np.cos(phi) * np.sin(theta),
-            (normal * (1.0 - _ECCENTRICITY_SQUARED) + height) * np.sin(phi),
-        ],
-        axis=-1,
-    )
+    level = (normal + height) * np.cos(phi)
+    up = (normal * (1.0 - _ECCENTRICITY_SQUARED) + height) * np.sin(phi)
+    return np.stack([level * np.cos(theta), level * np.sin(theta), up], axis=-1)
 
 
 def to_show_frame(

@@ -189,7 +189,6 @@ def _during(
         return None
     mine, rows = np.unique(table.owner[within], return_index=True)
     rows = np.append(rows, np.count_nonzero(within))
-    times = table.start[within] - first, table.end[within] - first
-    states = table.state[within], table.control[within]
-    table = PieceTable(mine, rows, *times, *states)
+    columns = table.start - first, table.end - first, table.state, table.control
+    table = PieceTable(mine, rows, *(column[within] for column in columns))
     return replace(segment, message=message, table=table)
