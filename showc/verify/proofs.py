@@ -21,7 +21,7 @@ from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.missions import Missions
-from showc.verify.report import Check, Place, Verification, checked
+from showc.verify.report import Check, Place, Verdict, Verification, agreement, checked
 from showc.verify.samples import Samples
 from showc.verify.samples import join as join_samples
 from showc.verify.specification.aborts import Aborts, bound_to
@@ -138,17 +138,11 @@ def _proved(
         checks += [check for part in found["missions"] for check in part]
     elif missions:
         note = "not looked at: the log is of no script that can be read"
-        checks.append(checked("VRF410", "fail", notes=(note,)))
+        checks.append(agreement("VRF410", [note]))
     if not missions:
         checks.append(_left_out(log))
-    return Verification(
-        str(log.path),
-        show.rules.name,
-        show.drones,
-        show.duration,
-        anchor.said,
-        tuple(checks),
-    )
+    facts = show.rules.name, show.drones, show.duration, anchor.said
+    return Verification(str(log.path), *facts, tuple(checks))
 
 
 def _left_out(log: LogFile) -> Check:
@@ -188,12 +182,7 @@ def _check(statement: Statement) -> Check:
     holds, drones = statement.holds, [drone + 1 for drone in statement.drones]
     drone = drones[0] if len(drones) == 1 else None
     pair = (drones[0], drones[1]) if len(drones) == 2 else None
-    return checked(
-        statement.code,
-        "skipped" if holds is None else "pass" if holds else "fail",
-        statement.value,
-        statement.limit,
-        statement.unit,
-        where=Place(drone, pair, statement.segment, statement.time),
-        notes=statement.notes,
-    )
+    where = Place(drone, pair, statement.segment, statement.time)
+    verdict: Verdict = "skipped" if holds is None else "pass" if holds else "fail"
+    facts = statement.value, statement.limit, statement.unit
+    return checked(statement.code, verdict, *facts, where=where, notes=statement.notes)

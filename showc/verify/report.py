@@ -112,10 +112,8 @@ def checked(
 ) -> Check:
     """Return a check whose heading and name are those of its code."""
     group = next(one for start, one in GROUPS.items() if code.startswith(start))
-    name = codes()[code].title
-    return Check(
-        code, group, name, verdict, value, limit, unit, where or Place(), notes
-    )
+    facts = verdict, value, limit, unit, where or Place(), notes
+    return Check(code, group, codes()[code].title, *facts)
 
 
 def agreement(code: str, wrong: Iterable[str]) -> Check:

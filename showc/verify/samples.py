@@ -39,7 +39,7 @@ from showc.log.scene import fleet_transforms, point_cloud, root_transform, scene
 from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORMS
 from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.slices import Tracks
-from showc.verify.report import Check, Place, checked
+from showc.verify.report import Check, Place, Verdict, checked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -158,18 +158,14 @@ class Compared:
 
     def check(self, code: str) -> Check:
         """Turn into a check."""
-        notes = [f"{self.samples:,} numbers compared"] if self.samples else []
-        if self.bad:
-            notes.append(f"{self.bad:,} of them are off")
-        return checked(
-            code,
-            "fail" if self.bad or self.odd else "pass",
-            self.value if self.samples else None,
-            1.0 if self.samples else None,
-            "of what is allowed" if self.samples else "",
-            where=self.where,
-            notes=(*notes, *self.odd[:3]),
-        )
+        verdict: Verdict = "fail" if self.bad or self.odd else "pass"
+        if not self.samples:
+            return checked(code, verdict, notes=tuple(self.odd[:3]))
+        notes = [f"{self.samples:,} numbers compared"]
+        notes += [f"{self.bad:,} of them are off"] * bool(self.bad)
+        facts = code, verdict, self.value, 1.0, "of what is allowed"
+        notes += self.odd[:3]
+        return checked(*facts, where=self.where, notes=tuple(notes))
 
 
 Found = dict[str, Compared]

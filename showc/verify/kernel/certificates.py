@@ -132,11 +132,8 @@ class Relaxed:
             ramp = rate / acceleration
             caps = np.full((2, *after.shape), self.tilt)
             for since, end, sign in ((after, ends[0], 1.0), (before, ends[1], -1.0)):
-                swing = np.where(
-                    since < ramp,
-                    0.5 * acceleration * since**2,
-                    rate * since - 0.5 * rate * ramp,
-                )
+                turned = rate * since - 0.5 * rate * ramp
+                swing = np.where(since < ramp, 0.5 * acceleration * since**2, turned)
                 for cap, side in zip(caps, (-1.0, 1.0), strict=True):
                     angle = side * end[6 + axis]
                     speed = max(side * sign * end[9 + axis], 0.0)
@@ -287,13 +284,10 @@ def refuted(
         low, high = at[:-1], at[1:]
         # The moments of the cell that are furthest from the ends have the widest caps.
         roll, pitch = relaxed.caps(high, time - low, ends)
-        sides = zip(
-            relaxed.thrust_supports(vector[:-1], roll, pitch),
-            relaxed.thrust_supports(vector[1:], roll, pitch),
-            strict=True,
-        )
+        before = relaxed.thrust_supports(vector[:-1], roll, pitch)
+        after = relaxed.thrust_supports(vector[1:], roll, pitch)
         # Each is convex, their least is not: it is taken after the trapezoids.
-        heights = np.min([before + after for before, after in sides], axis=0)
+        heights = np.min(np.add(before, after), axis=0)
         thrust += 0.5 * width / CELLS * float(heights.sum())
         size += width * float(np.sum(np.abs([*multipliers[k : k + 2], 2.0 * shift[k]])))
     gain, speeds = float(beta @ way), ends[:, 3:6]

@@ -237,13 +237,11 @@ def _greatest(table: PieceTable, rules: Rules, bound: Bound) -> Extreme:
         RESOLUTION * (bound.span**2 if bound.squared else bound.span),
     )
     start, end = table.start[found.row], table.end[found.row]
-    return Extreme(
-        bound,
-        -found.upper,
-        rounding - found.lower,
+    drone, time = (
         int(table.owner[found.row]),
         float(start + found.fraction * (end - start)),
     )
+    return Extreme(bound, -found.upper, rounding - found.lower, drone, time)
 
 
 def kept(
@@ -277,15 +275,8 @@ def _statement(extreme: Extreme, segment: Segment, radii: FloatArray) -> Stateme
     )
     if states:
         note += f"; flown within {radius:.1e} {unit} of it ({allowed:.1e} allowed)"
-    value = bound.top - left + min(radius, allowed)
-    return Statement(
-        FAMILIES[bound.family],
-        extreme.margin >= -TOLERANCE and radius <= allowed,
-        bound.sign * value + 0.0,
-        bound.sign * bound.top + 0.0,
-        bound.unit,
-        (extreme.drone,),
-        segment.message.name,
-        segment.start + extreme.time,
-        (note,),
-    )
+    value = bound.sign * (bound.top - left + min(radius, allowed)) + 0.0
+    holds = extreme.margin >= -TOLERANCE and radius <= allowed
+    facts = FAMILIES[bound.family], holds, value, bound.sign * bound.top + 0.0, unit
+    time = segment.start + extreme.time
+    return Statement(*facts, (extreme.drone,), segment.message.name, time, (note,))

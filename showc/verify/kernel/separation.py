@@ -128,11 +128,8 @@ def closest_of(parts: Sequence[Encounter | None]) -> Encounter | None:
     found = [one for one in parts if one is not None]
     if not found:
         return None
-    return replace(
-        min(found, key=lambda one: one.upper),
-        lower=min(one.lower for one in found),
-        error=max(one.error for one in found),
-    )
+    lower, error = min(one.lower for one in found), max(one.error for one in found)
+    return replace(min(found, key=lambda one: one.upper), lower=lower, error=error)
 
 
 def separated(
@@ -156,18 +153,10 @@ def separated(
         f"(resolution {RESOLUTION:.0e} m, rounding {encounter.error:.0e} m, tolerance "
         f"{TOLERANCE:.0e} m); each drone flies within {radius:.1e} m of them"
     )
-    enough = separation.distance - TOLERANCE
-    return Statement(
-        "VRF321",
-        encounter.lower >= enough and radius <= POSITION,
-        flown,
-        separation.distance,
-        "m",
-        encounter.pair,
-        encounter.segment,
-        encounter.time,
-        (note,),
-    )
+    enough, asked = separation.distance - TOLERANCE, separation.distance
+    holds = encounter.lower >= enough and radius <= POSITION
+    where = encounter.pair, encounter.segment, encounter.time
+    return Statement("VRF321", holds, flown, asked, "m", *where, (note,))
 
 
 def _searched(segment: Segment, wanted: Separation) -> Encounter | None:

@@ -178,19 +178,11 @@ def worst(asked: Statement, found: Iterable[Seen]) -> Statement:
     for one in found:
         values = np.where(np.isnan(one.values), np.inf, one.values)
         count += int(np.sum(values > limit))
-        if values.max(initial=-np.inf) > (
-            -np.inf if stated.value is None else stated.value
-        ):
+        top = float(values.max(initial=-np.inf))
+        if top > (-np.inf if stated.value is None else stated.value):
             at = int(np.argmax(values))
-            value, drone = float(values[at]), int(one.drones[at])
             time = float(np.broadcast_to(one.time, values.shape)[at])
-            stated = replace(
-                asked,
-                holds=value <= limit,
-                value=value,
-                drones=(drone,),
-                segment=one.segment,
-                time=time,
-            )
+            facts = asked.code, top <= limit, top, asked.limit, asked.unit
+            stated = Statement(*facts, (int(one.drones[at]),), one.segment, time)
     notes = (f"{count:,} findings of this kind",) if count > 1 else ()
     return stated if stated.value is None else replace(stated, notes=notes)

@@ -109,15 +109,11 @@ def visits(
         if wrong:
             break
     count = np.count_nonzero(found >= 0)
-    seen = f"{count:,} places, to 1e-7 degrees and 1.2 cm of height"
+    verdict: Verdict = "fail" if wrong else "pass"
+    note = wrong or f"{count:,} places, to 1e-7 degrees and 1.2 cm of height"
+    facts = worst, 1.0, "of the resolution"
     return found, checked(
-        "VRF404",
-        "fail" if wrong else "pass",
-        worst,
-        1.0,
-        "of the resolution",
-        where=Place(where + 1),
-        notes=(wrong or seen,),
+        "VRF404", verdict, *facts, where=Place(where + 1), notes=(note,)
     )
 
 
@@ -237,16 +233,11 @@ def _boundaries(fleet: FleetLegs, site: Site) -> Iterator[Check]:
 
 
 def _boundary(code: str, fleet: FleetLegs, spare: float, leg: int) -> Check:
+    verdict: Verdict = "pass" if spare >= -CONSTANTS["rounding"] else "fail"
+    way = f"tightest on the way to the place of line {fleet.lines[leg]}"
     note = "with what is flown beyond the ends of legs, but for the format's rounding"
-    return checked(
-        code,
-        "pass" if spare >= -CONSTANTS["rounding"] else "fail",
-        spare,
-        0.0,
-        "m to spare",
-        where=Place(int(fleet.owner[leg]) + 1),
-        notes=(f"tightest on the way to the place of line {fleet.lines[leg]}", note),
-    )
+    facts = code, verdict, spare, 0.0, "m to spare"
+    return checked(*facts, where=Place(int(fleet.owner[leg]) + 1), notes=(way, note))
 
 
 def _apart(code: str, found: Nearest, wanted: float) -> Check:
