@@ -23,18 +23,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from google.protobuf.message import DecodeError
 
 from showc.light.colour import drive_bytes, srgb_bytes
-from showc.log.sample import (
-    DRONE_STATE,
-    GRID,
-    PLACE,
-    POINT,
-    PREDICTED_COLOUR,
-    SMALL_FLEET,
-    TRANSFORM_RATE,
-    pack_drone_states,
-    quaternion,
-    sample_times,
-)
+from showc.log import sample
 from showc.log.scene import fleet_transforms, point_cloud, root_transform, scene_update
 from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORMS
 from showc.verify.kernel.bernstein import basis
@@ -63,10 +52,12 @@ _SIDE = 3e-9
 _OTHERWISE = "a point cloud says other things than showc's do"
 
 _COLOURS = ("red", "green", "blue", "alpha")
-_NUMBERS = tuple(name for name in POINT.names or () if name not in _COLOURS)
-_STATE = tuple(name for name in DRONE_STATE.names or () if DRONE_STATE[name] == "<f8")
-_BETWEEN = set(DRONE_STATE.names or ()) - {*_STATE}
-_TEMPLATE = pack_drone_states(
+_NUMBERS = tuple(name for name in sample.POINT.names or () if name not in _COLOURS)
+_STATE = tuple(
+    name for name in sample.DRONE_STATE.names or () if sample.DRONE_STATE[name] == "<f8"
+)
+_BETWEEN = set(sample.DRONE_STATE.names or ()) - {*_STATE}
+_TEMPLATE = sample.pack_drone_states(
     np.zeros((1, 1, 12)), np.zeros((1, 1, 4)), np.zeros((1, 1, 3))
 )[0]
 """A ``showc.DroneState`` of zeros: what stands between the numbers."""
@@ -74,7 +65,7 @@ _TEMPLATE = pack_drone_states(
 _ENCODERS = {"VRF122": srgb_bytes, "VRF123": drive_bytes}
 """How light becomes colour bytes, on the screen and on the lamps."""
 
-_STEPS = np.array(list(GRID.values()))
+_STEPS = np.array(list(sample.GRID.values()))
 """Of position, velocity, attitude, rates, thrust and torques."""
 
 _LARGEST = 256
@@ -201,7 +192,7 @@ class Samples:
         self.topics = {c.topic: number for number, c in log.channels.items()}
         self.single = {
             self.topics[topic]: drone
-            for drone in range(show.drones if show.drones <= SMALL_FLEET else 0)
+            for drone in range(show.drones if show.drones <= sample.SMALL_FLEET else 0)
             if (topic := f"/drone/{drone + 1:04d}/state") in self.topics
         }
 
@@ -216,15 +207,15 @@ class Samples:
     @cached_property
     def times(self) -> IntArray:
         """Time stamps at which the fleet is sampled [ns]."""
-        found = sample_times(self.show.duration, self.show.rules.log_rate)
+        found = sample.sample_times(self.show.duration, self.show.rules.log_rate)
         return found + self.show.epoch
 
     def outline(self) -> Found:
         """Check topics, times of messages, and the scene."""
         drones = range(1, self.show.drones + 1)
-        small = self.show.drones <= SMALL_FLEET
+        small = self.show.drones <= sample.SMALL_FLEET
         start = np.array([self.show.epoch])
-        stride = max(1, round(self.show.rules.log_rate / TRANSFORM_RATE))
+        stride = max(1, round(self.show.rules.log_rate / sample.TRANSFORM_RATE))
         frames = np.concatenate([start, self.times[::stride]]) if small else start
         wanted = {RULES: start, SCENE: start, TRANSFORMS: frames, FLEET: self.times}
         wanted |= {f"/drone/{n:04d}/state": self.times for n in drones if small}
@@ -252,7 +243,7 @@ class Samples:
         layout, drawn = Compared(), Compared()
         times = self.log.times(self.topics.get(PREDICTED, -1)) - self.show.epoch
         end = float(times[-1]) * 1e-9 if times.size else 0.0
-        steps = sample_times(end, self.show.rules.log_rate)[:-1]
+        steps = sample.sample_times(end, self.show.rules.log_rate)[:-1]
         if not np.array_equal(times[:-1], steps):
             layout.odd.append("its samples are not at the steps of the log rate")
         if self.tubes is None:
@@ -282,8 +273,8 @@ class Samples:
         """Compare what is drawn of whole fleets in one share of the file."""
         found: Found = defaultdict(Compared)
         for topic, code, layout, look in (
-            (FLEET, "VRF122", POINT, self._fleet),
-            (PREDICTED, "VRF127", PLACE, self._predicted),
+            (FLEET, "VRF122", sample.POINT, self._fleet),
+            (PREDICTED, "VRF127", sample.PLACE, self._predicted),
         ):
             messages = self._messages({self.topics.get(topic, -1)}, share, SHARES)
             while some := [*islice(messages, max(1, _AT_ONCE // self.show.drones))]:
@@ -306,7 +297,7 @@ class Samples:
         self, found: Found, points: NDArray[np.void], times: FloatArray
     ) -> None:
         """Compare points (n, drones) of the predicted fleet at times (n,) [s]."""
-        colours = zip(_COLOURS, (*PREDICTED_COLOUR, 255), strict=True)
+        colours = zip(_COLOURS, (*sample.PREDICTED_COLOUR, 255), strict=True)
         if any(np.any(points[name] != value) for name, value in colours):
             found["VRF127"].odd.append("it has another colour")
         if self.tubes is not None:
@@ -329,9 +320,9 @@ class Samples:
         messages = self._messages({*self.single}, share, SHARES)
         while some := [*islice(messages, _AT_ONCE)]:
             drones = np.array([self.single[one.channel] for one in some])
-            times, size = self._since(some), DRONE_STATE.itemsize
+            times, size = self._since(some), sample.DRONE_STATE.itemsize
             content = (d if len(d := one.data) == size else bytes(size) for one in some)
-            table = np.frombuffer(b"".join(content), DRONE_STATE)
+            table = np.frombuffer(b"".join(content), sample.DRONE_STATE)
             other = [table[name] != _TEMPLATE[name] for name in _BETWEEN]
             odd = np.flatnonzero(np.any(other, axis=0))
             if odd.size:
@@ -354,7 +345,7 @@ class Samples:
             transforms=[root_transform(self.show.epoch, self.script.site)]
         )
         wanted = {self.show.epoch: [_bytes(root)]}
-        topics = {TRANSFORMS, *[FLEET] * (self.show.drones <= SMALL_FLEET)}
+        topics = {TRANSFORMS, *[FLEET] * (self.show.drones <= sample.SMALL_FLEET)}
         # Of one time frames and points may come in any order.
         some = self._messages({self.topics.get(topic, -1) for topic in topics})
         for time, messages in groupby(some, key=lambda one: one.time):
@@ -362,7 +353,7 @@ class Samples:
             for message in messages:
                 if message.channel == self.topics.get(TRANSFORMS):
                     frames.append(message.data)
-                elif (points := self._points([message], POINT)) is not None:
+                elif (points := self._points([message], sample.POINT)) is not None:
                     drones = range(self.show.drones)
                     frame = fleet_transforms(time, points[0], drones)
                     expected.append(_bytes(frame))
@@ -431,7 +422,7 @@ def _ratio(values: FloatArray, flown: FloatArray) -> FloatArray:
     """
     expected, turned = flown, len(values) > len(flown)
     if turned:
-        turn = quaternion(flown[6:9].T).T
+        turn = sample.quaternion(flown[6:9].T).T
         expected = np.concatenate([flown[:6], turn, flown[9:]])
     # The change of each quantity within the nanosecond of rounding.
     fastest = max(float(np.abs(flown[rows]).max()) for rows in ([3, 4, 5], [9, 10, 11]))

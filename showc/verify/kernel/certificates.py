@@ -253,12 +253,9 @@ def refuted(
     if not (
         knots.size >= 2
         and multipliers.size == each * knots.size
-        and np.all(np.isfinite(multipliers))
-        and np.all(np.isfinite(beta))
-        and knots[0] == 0.0
-        and knots[-1] == 1.0
+        and np.isfinite([*multipliers, *beta, time]).all()
+        and (knots[0], knots[-1]) == (0.0, 1.0)
         and np.all(np.diff(knots) > 0.0)
-        and np.isfinite(time)
         and time > 0.0
         and relaxed.tilt < 0.5 * np.pi
     ):

@@ -28,19 +28,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.verify.kernel import slices
 from showc.verify.kernel.bernstein import least, square_sum
 from showc.verify.kernel.dynamics import GAMMA, POSITION
 from showc.verify.kernel.show import LoggedShow, Segment, Statement
-from showc.verify.kernel.slices import (
-    MOMENT,
-    Measure,
-    Tracks,
-    edges,
-    measures,
-    near_pairs,
-    neighbours,
-    take,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -110,7 +101,7 @@ def encounter_parts(show: LoggedShow) -> list[Callable[[], Encounter | None]]:
 
 
 def closest_in(
-    tracks: Tracks, wanted: Separation, during: str = ""
+    tracks: slices.Tracks, wanted: Separation, during: str = ""
 ) -> Encounter | None:
     """Enclose the closest encounter of a fleet; None if it is one drone.
 
@@ -119,7 +110,10 @@ def closest_in(
     if tracks.drones < 2:
         return None
     return closest_of(
-        [_Search(one, wanted.distance).over(tracks, during) for one in measures(wanted)]
+        [
+            _Search(one, wanted.distance).over(tracks, during)
+            for one in slices.measures(wanted)
+        ]
     )
 
 
@@ -142,7 +136,7 @@ def separated(
     if encounter is None:
         return Statement("VRF321", None, notes=("there is only one drone",))
     separation = show.rules.separation
-    scale = max(measure.scale[-1] for measure in measures(separation))
+    scale = max(measure.scale[-1] for measure in slices.measures(separation))
     radius = float(np.linalg.norm(np.array(radii)[:, :, :3], axis=2).max())
     # Where positions are not proved, VRF301 says so; what would be flown is unknown.
     away = min(radius, POSITION) * max(scale, 1.0)
@@ -160,28 +154,30 @@ def separated(
 
 
 def _searched(segment: Segment, wanted: Separation) -> Encounter | None:
-    return closest_in(Tracks.of(segment), wanted, segment.message.name)
+    return closest_in(slices.Tracks.of(segment), wanted, segment.message.name)
 
 
 class _Search:
     """Branch and bound over the tracks of a fleet with one measure."""
 
-    def __init__(self, measure: Measure, wanted: float) -> None:
+    def __init__(self, measure: slices.Measure, wanted: float) -> None:
         self.measure = measure
         self.wanted = wanted
         self.best = Nearest()
         self.error = 0.0
 
-    def over(self, tracks: Tracks, during: str) -> Encounter:
+    def over(self, tracks: slices.Tracks, during: str) -> Encounter:
         """Search the tracks from their begin to their end."""
         scaled = self.measure.space(tracks.position)
         positions = replace(tracks, position=np.ascontiguousarray(scaled))
         # Each drone of a pair, by rounding and by what it flies in a moment.
         rounding = GAMMA * float(max(scaled.max(initial=0.0), -scaled.min(initial=0.0)))
-        self.error = 2.0 * (rounding + MOMENT * positions.speed)
+        self.error = 2.0 * (rounding + slices.MOMENT * positions.speed)
         self._start(positions.position[positions.first[:-1], 0], positions.begin)
         furthest = _FURTHEST * max(self.best.distance, self.wanted)
-        for low, high in edges(tracks.begin, tracks.end, positions.speed, furthest):
+        for low, high in slices.edges(
+            tracks.begin, tracks.end, positions.speed, furthest
+        ):
             self._slice(positions, low, high, _HALVINGS)
             if self._over:
                 break
@@ -201,17 +197,19 @@ class _Search:
             gaps = self.measure(place[pairs[:, 0]] - place[pairs[:, 1]])
             self.best.take(pairs, time, gaps)
 
-        look(neighbours(place))
+        look(slices.neighbours(place))
         reach = self.best.distance
         for cut in range(100):
-            pairs = near_pairs(place, reach * 0.8**cut, _CROWD * len(place))
+            pairs = slices.near_pairs(place, reach * 0.8**cut, _CROWD * len(place))
             if pairs is not None:
                 look(pairs)
                 break
 
-    def _slice(self, positions: Tracks, low: float, high: float, halvings: int) -> None:
+    def _slice(
+        self, positions: slices.Tracks, low: float, high: float, halvings: int
+    ) -> None:
         """Search a slice of time, in halves where drones stand in heaps."""
-        piece = take(positions, low, high, self.measure)
+        piece = slices.take(positions, low, high, self.measure)
         most = _CROWD * positions.drones
         pairs = piece.near(self.measure, self.best.distance - RESOLUTION / 2, most)
         if pairs is not None:
@@ -231,7 +229,7 @@ class _Search:
         return self.best.distance <= RESOLUTION or not np.isfinite(self.error)
 
     def _decide(
-        self, positions: Tracks, pairs: IntArray, low: float, high: float
+        self, positions: slices.Tracks, pairs: IntArray, low: float, high: float
     ) -> None:
         """Enclose the distances of candidate pairs (n, 2) over a slice."""
         drones, begin = pairs.T, np.full(len(pairs), low)

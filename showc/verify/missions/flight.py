@@ -16,13 +16,8 @@ import numpy as np
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
 from showc.verify.kernel.show import LoggedShow, xyz
+from showc.verify.missions import separation
 from showc.verify.missions.law import CONSTANTS, KNOWN
-from showc.verify.missions.separation import (
-    RESOLUTION,
-    nearest_landing,
-    nearest_timed,
-    nearest_untimed,
-)
 from showc.verify.report import Check, Place, Verdict, agreement, checked
 from showc.verify.specification.compare import unlike
 
@@ -55,10 +50,10 @@ def check_flight(
     reached, ends = visits(fleet, show, logged)
     wanted = show.rules.separation
     apart = {
-        "VRF411": nearest_timed(fleet, wanted),
-        "VRF412": nearest_untimed(fleet, wanted, landing=False),
-        "VRF413": nearest_untimed(fleet, wanted, landing=True),
-        "VRF417": nearest_landing(fleet, wanted),
+        "VRF411": separation.nearest_timed(fleet, wanted),
+        "VRF412": separation.nearest_untimed(fleet, wanted, landing=False),
+        "VRF413": separation.nearest_untimed(fleet, wanted, landing=True),
+        "VRF417": separation.nearest_landing(fleet, wanted),
     }
     return [
         ends,
@@ -243,8 +238,8 @@ def _boundary(code: str, fleet: FleetLegs, spare: float, leg: int) -> Check:
 def _apart(code: str, found: Nearest, wanted: float) -> Check:
     if found.distance == np.inf:
         return checked(code, "pass", notes=("no two drones meet",))
-    limit = wanted - CONSTANTS["rounding"] - 3.0 * RESOLUTION
-    bound = found.distance - RESOLUTION
+    limit = wanted - CONSTANTS["rounding"] - 3.0 * separation.RESOLUTION
+    bound = found.distance - separation.RESOLUTION
     note = (
         f"{wanted:g} m less {wanted - limit:g} m of the format's rounding and of the "
         "proofs' resolution"

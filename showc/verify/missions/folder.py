@@ -18,14 +18,8 @@ from showc.files import UnreadableFileError, read_file
 from showc.log import showc_pb2 as pb
 from showc.log.schema import MANIFEST_NAME as MANIFEST
 from showc.verify.decode import CAPS
+from showc.verify.missions import language
 from showc.verify.missions.flight import check_flight, check_places, visits
-from showc.verify.missions.language import (
-    MISSION,
-    RULES,
-    Mission,
-    MissionFormatError,
-    read_mission,
-)
 from showc.verify.missions.law import KNOWN, fastest_level, parameter_file
 from showc.verify.missions.legs import Clock, fleet_legs, standing, to_show_frame
 from showc.verify.missions.lights import Lit, unlit
@@ -78,7 +72,7 @@ class Missions:
         self.contents: dict[str, bytes] = {}
         self.bad: list[str] = []
         """What is wrong with the files as a whole."""
-        self.missions: dict[str, Mission] = {}
+        self.missions: dict[str, language.Mission] = {}
         self.unread: list[str] = []
         """What is wrong with those that are no missions."""
         self.fleet: FleetLegs | None = None
@@ -148,7 +142,7 @@ class Missions:
         total = 0
         for name in names:
             try:
-                content = read_file(self.folder / name, RULES["largest_file"])
+                content = read_file(self.folder / name, language.RULES["largest_file"])
             except UnreadableFileError as error:
                 self.bad.append(f"{name}: cannot be read: {error.reason}")
                 content = b""
@@ -161,8 +155,8 @@ class Missions:
                 self.bad.append(f"{name}: the hash is not the manifest's")
             if name.endswith(".waypoints"):
                 try:
-                    self.missions[name] = read_mission(content, self.spoken)
-                except MissionFormatError as error:
+                    self.missions[name] = language.read_mission(content, self.spoken)
+                except language.MissionFormatError as error:
                     self.unread.append(f"{name}: {error}")
 
     def _fly(self) -> None:
@@ -187,7 +181,7 @@ class Missions:
             clock = None if free else Clock.of(self.described)
             missions = list(self.missions.values())
             self.fleet = fleet_legs(missions, site, self.script, clock)
-        except MissionFormatError as error:
+        except language.MissionFormatError as error:
             self.grounded = str(error)
 
     def _lines(self) -> list[Check]:
@@ -278,12 +272,14 @@ def fleet_token(contents: dict[str, bytes]) -> str:
     return digest.hexdigest()
 
 
-def _wrong_rows(mission: Mission, show: LoggedShow, autopilot: str) -> Iterator[str]:
+def _wrong_rows(
+    mission: language.Mission, show: LoggedShow, autopilot: str
+) -> Iterator[str]:
     """Say if a drone turns to another yaw, or hovers otherwise before its landing."""
     # Only PX4 turns to a yaw: the bearing of the show's heading.
     bearing = show.rules.site.heading + 90.0 - degrees(show.rules.heading)
     yaw = round(bearing % 360.0, 4) % 360.0 if autopilot == "px4" else 0.0
-    turned = [one for one in mission.items if one.frame != MISSION]
+    turned = [one for one in mission.items if one.frame != language.MISSION]
     if any(one.parameters[3] != yaw for one in turned):
         yield f"turns to another yaw than {yaw:g} degrees"
     (pause,) = (item.parameters[0] for item in mission.items if item.word == "P")
@@ -295,7 +291,7 @@ def _wrong_rows(mission: Mission, show: LoggedShow, autopilot: str) -> Iterator[
 
 def check_plan(
     content: bytes,
-    mission: Mission,
+    mission: language.Mission,
     site: Site,
     script: Show,
     whose: tuple[str, str, str],
@@ -354,7 +350,7 @@ def _entry(number: int, item: Item) -> dict[str, Any]:
         "frame": item.frame,
         "params": [*item.parameters, item.latitude / 1e7, item.longitude / 1e7, height],
     }
-    if item.frame != MISSION:
+    if item.frame != language.MISSION:
         entry |= {"AMSLAltAboveTerrain": None, "Altitude": height, "AltitudeMode": 1}
     return entry
 

@@ -50,18 +50,11 @@ class Law:
     @classmethod
     def of(cls, values: Mapping[str, float]) -> Law:
         """Return the law under the ``values`` of a parameter file."""
-        jerk = values["WPNAV_JERK"]
+        jerk, time = values["WPNAV_JERK"], max(values["ATC_INPUT_TC"], 0.1)
         turn = min(values["ATC_ACCEL_R_MAX"], values["ATC_ACCEL_P_MAX"]) / 100.0
-        snap = min(
-            np.pi * jerk / (2.0 * max(values["ATC_INPUT_TC"], 0.1)),
-            np.radians(turn) * CONSTANTS["gravity"],
-        )
-        return cls(
-            values["WPNAV_ACCEL"] / 100.0,
-            values["WPNAV_ACCEL_Z"] / 100.0,
-            jerk,
-            snap / 2.0,
-        )
+        turn = np.radians(turn) * CONSTANTS["gravity"]
+        level, upright = values["WPNAV_ACCEL"] / 100.0, values["WPNAV_ACCEL_Z"] / 100.0
+        return cls(level, upright, jerk, 0.5 * min(np.pi * jerk / (2.0 * time), turn))
 
 
 class Covered(NamedTuple):
@@ -143,17 +136,13 @@ class Profiles:
     def covered(self, leg: IntArray, late: FloatArray, early: FloatArray) -> Covered:
         """Return what is covered of legs ``leg`` (m,) between two times (m,) [s]."""
         whole = np.where(self.length > 0.0, self.length, 1.0)[leg]
-        (rear, slow, _), (front, fast, _) = (
-            self.motion(leg, at) / whole for at in (late, early)
-        )
         # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
         middle = np.clip(0.5 * self.duration[leg], late, early)
-        return Covered(
-            np.clip(rear, 0.0, 1.0),
-            np.clip(front, 0.0, 1.0),
-            np.maximum(np.minimum(slow, fast), 0.0),
-            np.maximum(self.motion(leg, middle)[1] / whole, 0.0),
-        )
+        times = late, early, middle
+        ways, speeds, _ = np.stack([self.motion(leg, at) / whole for at in times], 1)
+        slow, fast = np.maximum(speeds[:2].min(axis=0), 0.0), np.maximum(speeds[2], 0.0)
+        rear, front, _ = np.clip(ways, 0.0, 1.0)
+        return Covered(rear, front, slow, fast)
 
     def motion(self, leg: IntArray, time: ArrayLike) -> FloatArray:
         """Distance, speed, acceleration (3, m) of legs ``leg`` (m,) at ``time`` (m,).

@@ -9,16 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from showc.verify.missions import law
 from showc.verify.missions.language import Item, Mission, MissionFormatError
-from showc.verify.missions.law import (
-    CONSTANTS,
-    KNOWN,
-    Law,
-    Profiles,
-    fastest_level,
-    parameters,
-    profiles,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -93,7 +85,7 @@ class FleetLegs:
     release: FloatArray
     """When it is released, on the missions' clock, shape (n,) [s]; NaN: when the one
     before it has ended."""
-    profiles: Profiles
+    profiles: law.Profiles
     """How each leg is planned."""
     lines: IntArray
     """Line in the file of each leg's row, shape (n,)."""
@@ -123,7 +115,7 @@ class FleetLegs:
         """When each leg begins at the earliest, a landing too, shape (n,) [s]."""
         found, land, flights = self.release.copy(), self.first[1:] - 1, self.profiles
         early = self.release + flights.followed(-flights.spread)
-        found[land] = early[land - 1] + self.pause - CONSTANTS["clock_lag"]
+        found[land] = early[land - 1] + self.pause - law.CONSTANTS["clock_lag"]
         return found
 
     def filled(self, values: FloatArray, empty: float) -> FloatArray:
@@ -201,7 +193,7 @@ def fleet_legs(
         If slots do not follow each other, naming the drone; or if legs are faster than
         any that were measured.
     """
-    values = parameters(script)
+    values = law.parameters(script)
     rows: list[_Row] = []
     homes = [0]
     for drone, mission in enumerate(missions):
@@ -221,18 +213,20 @@ def fleet_legs(
     heights = _stored(heights)
     places = to_show_frame(site, latitude, longitude, heights + base)
     shrink = np.cos(np.radians(site.latitude))
-    level = np.stack([latitude, longitude * shrink]) * CONSTANTS["metres_per_degree"]
+    level = (
+        np.stack([latitude, longitude * shrink]) * law.CONSTANTS["metres_per_degree"]
+    )
     step = np.diff(np.stack([*level, heights], axis=1), axis=0)[ends - 1]
     flights = [rows[end] for end in ends.tolist()]
     level, climb, descent = np.array([row.speeds for row in flights]).T
     vertical = np.where(step[:, 2] > 0.0, climb, descent)
-    flown = profiles(step, level, vertical, Law.of(values), script.site.wind)
+    flown = law.profiles(step, level, vertical, law.Law.of(values), script.site.wind)
     most = 100.0 * script.limits.velocity_max[2]
-    up = min(KNOWN["parameters"]["WPNAV_SPEED_UP"], most)
+    up = min(law.KNOWN["parameters"]["WPNAV_SPEED_UP"], most)
     rise = 0.01 * np.where(step[:, 2] > 0.0, up, values["WPNAV_SPEED_DN"])
     speed = np.where(flown.length > 0.0, flown.speed, 0.0)
     upright = speed * np.sqrt(1.0 - np.minimum(flown.level, 1.0) ** 2)
-    share = np.maximum(speed * flown.level / fastest_level(script), upright / rise)
+    share = np.maximum(speed * flown.level / law.fastest_level(script), upright / rise)
     if clock is not None and not share.max() <= 1.001:
         leg = int(share.argmax())
         raise MissionFormatError(

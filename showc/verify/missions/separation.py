@@ -179,16 +179,10 @@ def stretches(fleet: FleetLegs, measure: Measure) -> Iterator[Stretch]:
         leg = fleet.first[:-1] + 2 + np.maximum(begun - 1, 0)
         ends = np.where(flies, over[leg], -np.inf) + CONSTANTS["settling"]
         begin, end = (measure.space(some[leg]) for some in (fleet.begin, fleet.end))
-        yield Stretch(
-            fleet,
-            measure,
-            leg,
-            np.where(flies, fleet.release[leg], 0.0),
-            begin,
-            (end - begin) * flies[:, None],
-            start,
-            min(following, float(ends.max())),
-        )
+        release, along = np.where(flies, fleet.release[leg], 0.0), end - begin
+        stop = min(following, float(ends.max()))
+        drones = leg, release, begin, along * flies[:, None]
+        yield Stretch(fleet, measure, *drones, start, stop)
 
 
 def nearest_timed(fleet: FleetLegs, wanted: Separation) -> Nearest:
@@ -275,13 +269,8 @@ def part_distance(
         ahead = np.minimum(c, d) - np.maximum(a, b)
         return measure(np.maximum(np.maximum(back, ahead), 0.0))
     u, v, w = b - a, d - c, a - c
-    best = np.min(
-        [
-            measure.of_chords(begin, begin + way)
-            for begin, way in ((w, -v), (b - c, -v), (w, u), (a - d, u))
-        ],
-        axis=0,
-    )
+    ways = (w, -v), (b - c, -v), (w, u), (a - d, u)
+    best = np.min([measure.of_chords(one, one + way) for one, way in ways], axis=0)
     uu, uv, vv = _dot(u, u), _dot(u, v), _dot(v, v)
     uw, vw = _dot(u, w), _dot(v, w)
     area = uu * vv - uv * uv

@@ -59,14 +59,9 @@ def differences(found: Message, wanted: Message) -> tuple[str, ...]:
     """Return what differs between two messages, at most a few lines."""
     if found.ByteSize() > 2 * wanted.ByteSize() + _MORE:
         return (f"{wanted.DESCRIPTOR.name} says far more than is asked for",)
-    one, other = (
-        MessageToDict(
-            message,
-            preserving_proto_field_name=True,
-            always_print_fields_with_no_presence=True,
-        )
-        for message in (found, wanted)
-    )
+    ways: dict[str, Any] = {"preserving_proto_field_name": True}
+    ways |= {"always_print_fields_with_no_presence": True}
+    one, other = (MessageToDict(message, **ways) for message in (found, wanted))
     return tuple(islice(unlike(one, other, wanted.DESCRIPTOR.name), NAMED))
 
 

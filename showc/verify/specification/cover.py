@@ -8,14 +8,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from showc.files import read_file
-from showc.log.facts import (
-    attachments_of,
-    epoch_of,
-    manifest_of,
-    media_type,
-    metadata_of,
-    sha256,
-)
+from showc.log import facts
 from showc.log.schema import ADDITIONS, LAYOUT_NAME, MANIFEST_NAME, PREDICTED
 from showc.script import read_show
 from showc.verify.decode import CAPS
@@ -95,7 +88,7 @@ def read_anchor(
     notes = tuple(f"{found.code}: {found.message}" for found in result.errors[:5])
     readable = checked("VRF202", "fail" if result.show is None else "pass", notes=notes)
     checks = [agreement("VRF201", bad), readable]
-    digest = sha256(text) if text else "none"
+    digest = facts.sha256(text) if text else "none"
     shown = PurePath(name if script is None else script).name
     said = f"script “{shown}”, sha256 {digest}: {source}"
     return Anchor(said, result.show, tuple(checks))
@@ -132,11 +125,12 @@ def _metadata(
 ) -> Iterator[str]:
     if len(log.metadata) != 1:
         yield f"there are {len(log.metadata)} metadata records, not one"
-    if show.epoch != epoch_of(script):
-        yield f"the log begins at {show.epoch} ns, the script at {epoch_of(script)} ns"
+    epoch = facts.epoch_of(script)
+    if show.epoch != epoch:
+        yield f"the log begins at {show.epoch} ns, the script at {epoch} ns"
     version = log.library.removeprefix("showc ")
     manifest = log.attachment(MANIFEST_NAME) or b""
-    wanted = metadata_of(script, show.duration, version, manifest)
+    wanted = facts.metadata_of(script, show.duration, version, manifest)
     yield from unlike(dict(found), wanted, "metadata")
     if [*found] != [*wanted]:
         yield f"the metadata are {', '.join(found)}, the show has {', '.join(wanted)}"
@@ -145,13 +139,13 @@ def _metadata(
 def _attachments(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
     plots = "/drone/0001/state" in {one.topic for one in log.channels.values()}
     manifest = log.attachment(MANIFEST_NAME) or b""
-    wanted = attachments_of(script, manifest, plots=plots)
+    wanted = facts.attachments_of(script, manifest, plots=plots)
     found = [one.name for one in log.attachments]
     names = [*wanted, *(one for one in ADDITIONS if one in found)]
     if found != names:
         yield f"the log carries {found}, the show has {names}"
     for entry in log.attachments:
-        media = media_type(entry.name)
+        media = facts.media_type(entry.name)
         if entry.media_type != media:
             yield f"{entry.name!r} has the type {entry.media_type!r}, not {media!r}"
         if not entry.log_time == entry.create_time == show.epoch:
@@ -167,7 +161,7 @@ def _manifest(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
         return
     height = max(float(one.table.state[:, :, 2].max()) for one in show.segments)
     messages = [one.message for one in show.segments]
-    wanted = manifest_of(script, messages, height, [""] * len(messages))
+    wanted = facts.manifest_of(script, messages, height, [""] * len(messages))
     # How places were given out is said in words, and fixed by nothing.
     for leg in wanted["segments"]:
         leg["assignment"] = _TEXT
