@@ -12,11 +12,9 @@ from itertools import islice, product
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from foxglove_schemas_protobuf import (
-    FrameTransforms_pb2,
-    PointCloud_pb2,
-    SceneUpdate_pb2,
-)
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.message import DecodeError, Message
 
 from showc.log import showc_pb2 as pb
@@ -25,9 +23,8 @@ from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME, RULES, SEGMENTS, descriptor_set
 from showc.verify.kernel.bernstein import elevate
 from showc.verify.kernel.show import (
-    CONTROL_COMPONENTS,
+    COMPONENTS,
     LARGEST,
-    STATE_COMPONENTS,
     LoggedShow,
     PieceTable,
     Segment,
@@ -47,9 +44,9 @@ PROTOBUF = "protobuf"
 _TYPES: dict[str, type[Message]] = {
     r"/show/rules": pb.Rules,
     r"/show/segments": pb.Segment,
-    r"/show/scene": SceneUpdate_pb2.SceneUpdate,
-    r"/fleet/(state|predicted)": PointCloud_pb2.PointCloud,
-    r"/tf": FrameTransforms_pb2.FrameTransforms,
+    r"/show/scene": SceneUpdate,
+    r"/fleet/(state|predicted)": PointCloud,
+    r"/tf": FrameTransforms,
     r"/drone/\d+/trajectory": pb.Trajectory,
     r"/drone/\d+/state": pb.DroneState,
 }
@@ -282,8 +279,8 @@ def _table(found: pb.Trajectory, offset: int) -> PieceTable:
     """Return one drone's polynomials; damage if they contradict each other."""
     pieces = len(found.breaks) - 1
     parts = (
-        (found.state, found.state_degree + 1, STATE_COMPONENTS),
-        (found.control, found.control_degree + 1, CONTROL_COMPONENTS),
+        (found.state, found.state_degree + 1, COMPONENTS[0]),
+        (found.control, found.control_degree + 1, COMPONENTS[1]),
     )
     if not 0 < pieces <= CAPS["pieces"] or any(
         terms > CAPS["degree"] + 1 or len(numbers) != pieces * terms * components

@@ -22,8 +22,7 @@ from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.missions import Missions
 from showc.verify.report import Check, Place, Verdict, Verification, agreement, checked
-from showc.verify.samples import Samples
-from showc.verify.samples import join as join_samples
+from showc.verify.samples import Samples, join
 from showc.verify.specification.aborts import Aborts, bound_to
 from showc.verify.specification.cover import check_cover, read_anchor
 from showc.verify.specification.demands import hold_against
@@ -134,7 +133,7 @@ def _proved(
         if aborts is not None:
             rows, stated = aborts.checks(found["aborts"])
             checks += [rows, *map(_check, stated)]
-        checks += join_samples(found["samples"])
+        checks += join(found["samples"])
         checks += [check for part in found["missions"] for check in part]
     elif missions:
         note = "not looked at: the log is of no script that can be read"

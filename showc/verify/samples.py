@@ -49,8 +49,6 @@ SHARES = 32
 _SIDE = 3e-9
 """How far to look to either side of an instant at which a value jumps [s]."""
 
-_OTHERWISE = "a point cloud says other things than showc's do"
-
 _COLOURS = ("red", "green", "blue", "alpha")
 _NUMBERS = tuple(name for name in sample.POINT.names or () if name not in _COLOURS)
 _STATE = tuple(
@@ -280,7 +278,8 @@ class Samples:
             while some := [*islice(messages, max(1, _AT_ONCE // self.show.drones))]:
                 points = self._points(some, layout)
                 if points is None:
-                    found[code].odd.append(_OTHERWISE)
+                    text = "a point cloud says other things than showc's do"
+                    found[code].odd.append(text)
                 else:
                     look(found, points, self._since(some))
         return found

@@ -135,18 +135,10 @@ def least(
 ) -> Least:
     """Enclose the least value over all intervals, or of ``best`` if that is less.
 
-    Parameters
-    ----------
-    work
-        Coefficients, shape (pieces, degree + 1, ...).
-    bounded
-        From coefficients (n, degree + 1, ...) to lower bounds (n,) of the value.
-    reached
-        From values (n, ...) of the polynomials to values (n,) of what is sought.
-    resolution
-        Width of the enclosure.
-    best
-        Value that is reached elsewhere.
+    From coefficients (n, degree + 1, ...), as ``work`` holds them, ``bounded`` makes
+    lower bounds (n,) of the value; from values (n, ...) of the polynomials ``reached``
+    makes values (n,) of what is sought. The enclosure is as wide as ``resolution``, and
+    ``best`` is a value that is reached elsewhere.
     """
     row, lower = np.arange(work.shape[0]), np.inf
     begin, length = np.zeros(row.size), np.ones(row.size)

@@ -233,17 +233,9 @@ def refuted(
 ) -> bool:
     """Whether the segment's witness proves its drone's move impossible in its time.
 
-    Parameters
-    ----------
-    message
-        Segment with a witness: T [s], beta, knots (k,) as fractions of T, and
-        multipliers (k, 3): lambda; where jerk is limited (k, 6): lambda, mu.
-    rules
-        Rules of the show.
-    way
-        Displacement of the witness's drone, shape (3,) [m].
-    ends
-        Its states at the start and at the end, shape (2, 12).
+    The witness in ``message`` has T [s], beta, knots (k,) as fractions of T, and
+    multipliers (k, 3): lambda; where jerk is limited (k, 6): lambda, mu. Its drone
+    flies ``way`` (3,) [m] between ``ends`` (2, 12), its states at start and end.
     """
     witness, beta = message.certificate.witness, xyz(message.certificate.witness.beta)
     knots, time = np.array(witness.knots), witness.time

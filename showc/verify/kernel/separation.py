@@ -31,7 +31,7 @@ import numpy as np
 from showc.verify.kernel import slices
 from showc.verify.kernel.bernstein import least, square_sum
 from showc.verify.kernel.dynamics import GAMMA, POSITION
-from showc.verify.kernel.show import LoggedShow, Segment, Statement
+from showc.verify.kernel.show import LoggedShow, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -97,7 +97,9 @@ class Encounter:
 
 def encounter_parts(show: LoggedShow) -> list[Callable[[], Encounter | None]]:
     """Return searches for the closest encounter, each over a part of the show."""
-    return [partial(_searched, one, show.rules.separation) for one in show.segments]
+    tracks = [(slices.Tracks.of(one), one.message.name) for one in show.segments]
+    wanted = show.rules.separation
+    return [partial(closest_in, own, wanted, name) for own, name in tracks]
 
 
 def closest_in(
@@ -151,10 +153,6 @@ def separated(
     holds = encounter.lower >= enough and radius <= POSITION
     where = encounter.pair, encounter.segment, encounter.time
     return Statement("VRF321", holds, flown, asked, "m", *where, (note,))
-
-
-def _searched(segment: Segment, wanted: Separation) -> Encounter | None:
-    return closest_in(slices.Tracks.of(segment), wanted, segment.message.name)
 
 
 class _Search:

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Rules, Vector3
     from showc.log.showc_pb2 import Segment as SegmentMessage
 
-STATE_COMPONENTS = 12  # position, velocity, attitude, body rates
-CONTROL_COMPONENTS = 4  # thrust and three torques
+COMPONENTS = 12, 4  # position, velocity, attitude, body rates; thrust, three torques
 
 LARGEST = 1e9
 """Greatest number that a show can hold (SI): beyond it products leave float64."""

@@ -230,15 +230,11 @@ class Slice:
         pairs = near_pairs(middle, reach, most)
         if pairs is None:
             return None
-        first, second = pairs[:, 0], pairs[:, 1]
-        gap = measure(middle[first] - middle[second])
-        gap -= self.radius[first] + self.radius[second]
-        pairs = pairs[gap < distance]
-        first, second = pairs[:, 0], pairs[:, 1]
-        gap = measure.of_chords(
-            self.begin[first] - self.begin[second], self.end[first] - self.end[second]
-        )
-        gap -= self.away[first] + self.away[second]
+        first, second = pairs.T
+        gap = measure(middle[first] - middle[second]) - self.radius[pairs].sum(axis=1)
+        first, second = (pairs := pairs[gap < distance]).T
+        begin, end = (some[first] - some[second] for some in (self.begin, self.end))
+        gap = measure.of_chords(begin, end) - self.away[pairs].sum(axis=1)
         return np.asarray(pairs[gap < distance], dtype=np.int64)
 
 

@@ -54,6 +54,8 @@ _LEGS: dict[int, list[int]] = {
     pb.AbortRow.DOWN_IN_PLACE: [pb.Segment.LAND],
     pb.AbortRow.HOME: [pb.Segment.APPROACH, pb.Segment.LAND],
 }
+_FREE = "kind", "start", "duration", "limits", "drones", "goals"
+"""What legs say that theorems are about."""
 
 
 def bound_to(log: LogFile, added: list[str]) -> Check:
@@ -135,13 +137,7 @@ class Aborts:
                 index=number,
                 name=leg.name if re.fullmatch(words, leg.name) else words,
                 places=leg.drones,
-                # The theorems are about these.
-                kind=leg.kind,
-                start=leg.start,
-                duration=leg.duration,
-                limits=leg.limits,
-                drones=leg.drones,
-                goals=leg.goals,
+                **{key: getattr(leg, key) for key in _FREE},
             )
             if leg.certificate.HasField("closest"):
                 said = leg.certificate.closest.distance

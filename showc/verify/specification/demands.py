@@ -116,9 +116,7 @@ class _Walk:
         self.pads = np.array(show.formations[show.pads].points[: show.drones])
         self.position = self.before = self.pads
         """Goals of the last leg, and of the one before it."""
-        self.dark = np.zeros((show.drones, 3))
-        self.colours = np.zeros((show.drones, 3))
-        self.lit = np.zeros((show.drones, 3))
+        self.dark, self.colours, self.lit = np.zeros((3, show.drones, 3))
         self.parking = np.full(show.drones, PARKED)
         self.formations = {
             name: formation.points for name, formation in show.formations.items()
