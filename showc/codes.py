@@ -6,7 +6,7 @@ import tomllib
 from dataclasses import dataclass
 from importlib import resources
 from textwrap import fill, indent
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,10 +35,16 @@ class Code:
     """Part of a script that says the same without the finding."""
 
 
-def read_codes(package: str, name: str) -> dict[str, Code]:
-    """Return the codes of a TOML file beside the modules of a package, in its order."""
+def read_table(package: str, name: str) -> dict[str, Any]:
+    """Return what a TOML file beside the modules of a package says, in its order."""
     text = resources.files(package).joinpath(name).read_text(encoding="utf-8")
-    return {code: Code(code, **entry) for code, entry in tomllib.loads(text).items()}
+    return tomllib.loads(text)
+
+
+def read_codes(package: str, name: str) -> dict[str, Code]:
+    """Return the codes of such a file."""
+    found = read_table(package, name)
+    return {code: Code(code, **entry) for code, entry in found.items()}
 
 
 def explained(code: str, known: Mapping[str, Code]) -> str | None:

@@ -82,7 +82,7 @@ ROOMS_OF_VERIFY = {
     "verify/specification": {"verify", "errors", "files", "script", "vehicle"}
     | {"light", "log.showc_pb2", "log.facts", "log.schema", "log.container"},
     # What missions must be follows from the script, and so do their lights.
-    "verify/missions": {"verify", "errors", "files", "script", "light"}
+    "verify/missions": {"verify", "codes", "errors", "files", "script", "light"}
     | {"log.showc_pb2", "log.container", "log.schema"},
     "verify/samples.py": {"verify", "script", "light"}
     | {"log.scene", "log.sample", "log.schema", "log.container"},

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections import Counter, defaultdict
 from fractions import Fraction
-from importlib import resources
-from itertools import islice, product
+from itertools import chain, islice, product
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -17,18 +15,13 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.message import DecodeError, Message
 
+from showc.codes import read_table
 from showc.log import showc_pb2 as pb
 from showc.log.container import Message as LoggedMessage
 from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME, RULES, SEGMENTS, descriptor_set
 from showc.verify.kernel.bernstein import elevate
-from showc.verify.kernel.show import (
-    COMPONENTS,
-    LARGEST,
-    LoggedShow,
-    PieceTable,
-    Segment,
-)
+from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Segment
 from showc.verify.report import Check, agreement
 
 if TYPE_CHECKING:
@@ -55,9 +48,7 @@ _TYPES: dict[str, type[Message]] = {
 FORMAT_VERSION = 1
 """Version of the log's content that this verifier knows."""
 
-CAPS: dict[str, int] = tomllib.loads(
-    resources.files(__package__).joinpath("caps.toml").read_text(encoding="utf-8")
-)
+CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")
 """Sizes from which something is refused."""
 
 TOPIC = re.compile(r"/drone/(\d+)/trajectory")
@@ -210,11 +201,8 @@ def read_aborts(
     flights: dict[int, dict[int, PieceTable]] = defaultdict(dict)
     for found in table.flights:
         flights[found.segment][found.drone] = _table(found, offset)
-    numbers = [
-        number
-        for row in table.rows
-        for number in (row.time, row.rest, row.duration, *row.changes)
-    ]
+    said = ((row.time, row.rest, row.duration, *row.changes) for row in table.rows)
+    numbers = [*chain(*said)]
     if not (
         len(table.flights) == len(table.legs) * rules.drones
         and [(one.segment, one.drone) for one in table.flights]
@@ -279,8 +267,8 @@ def _table(found: pb.Trajectory, offset: int) -> PieceTable:
     """Return one drone's polynomials; damage if they contradict each other."""
     pieces = len(found.breaks) - 1
     parts = (
-        (found.state, found.state_degree + 1, COMPONENTS[0]),
-        (found.control, found.control_degree + 1, COMPONENTS[1]),
+        (found.state, found.state_degree + 1, WIDTHS[0]),
+        (found.control, found.control_degree + 1, WIDTHS[1]),
     )
     if not 0 < pieces <= CAPS["pieces"] or any(
         terms > CAPS["degree"] + 1 or len(numbers) != pieces * terms * components

@@ -20,7 +20,7 @@ from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
-from showc.verify.missions import Missions
+from showc.verify.missions.folder import Missions
 from showc.verify.report import Check, Place, Verdict, Verification, agreement, checked
 from showc.verify.samples import Samples, join
 from showc.verify.specification.aborts import Aborts, bound_to

@@ -171,14 +171,9 @@ class Verification:
         head = "PROVED" if self.proved else "NOT PROVED"
         if self.passed and not self.proved:
             head = "PROVED BUT FOR MISSIONS"
-        parts = [
-            f"{name} {_outcome(standing, self._of(missions=name == 'missions'))}"
-            for name, standing in (
-                ("trajectories", self.trajectories),
-                ("missions", self.missions),
-            )
-        ]
-        return f"{head}: {'; '.join(parts)}."
+        flown = _outcome(self.trajectories, self._of(missions=False))
+        sent = _outcome(self.missions, self._of(missions=True))
+        return f"{head}: trajectories {flown}; missions {sent}."
 
     def _of(self, *, missions: bool) -> list[Check]:
         return [c for c in self.checks if c.code.startswith(_MISSIONS) == missions]

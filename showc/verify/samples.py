@@ -29,6 +29,7 @@ from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORM
 from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.slices import Tracks
 from showc.verify.report import Check, Place, Verdict, checked
+from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -84,9 +85,8 @@ def flown(show: LoggedShow, times: FloatArray) -> FloatArray:
     number = np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
     for chosen in np.unique(number).tolist():
         at = np.flatnonzero(number == chosen)
-        result[:, at] = evaluate(
-            show.segments[chosen].table, times[at] - starts[chosen]
-        )
+        segment = show.segments[chosen]
+        result[:, at] = evaluate(segment.table, times[at] - segment.start)
     return result
 
 
@@ -196,11 +196,9 @@ class Samples:
 
     def parts(self) -> list[Callable[[], Found]]:
         """Return comparisons that can be made side by side."""
-        parts: list[Callable[[], Found]] = [self.outline, self.frames]
-        parts += [partial(self.clouds, share) for share in range(SHARES)]
-        if self.single:
-            parts += [partial(self.states, share) for share in range(SHARES)]
-        return parts
+        looks = [self.clouds, *[self.states] * bool(self.single)]
+        parts = (partial(look, share) for look in looks for share in range(SHARES))
+        return [self.outline, self.frames, *parts]
 
     @cached_property
     def times(self) -> IntArray:
@@ -221,12 +219,10 @@ class Samples:
         others = {SEGMENTS, *(f"/drone/{n:04d}/trajectory" for n in drones)}
         topics, steps = Compared(), Compared()
         names = [channel.topic for channel in self.log.channels.values()]
-        missing = (wanted.keys() | others) - set(names)
-        strange = set(names) - wanted.keys() - others - {PREDICTED}
-        topics.odd += [f"{name} is missing" for name in sorted(missing)]
-        topics.odd += [
-            f"showc writes no {name!r} for this show" for name in sorted(strange)
-        ]
+        there, asked = (
+            dict.fromkeys(some - {PREDICTED}) for some in ({*names}, others | {*wanted})
+        )
+        topics.odd += unlike(there, asked, "topics")
         if len(set(names)) != len(names):
             topics.odd.append("a topic has two channels")
         for topic, times in wanted.items():
@@ -252,12 +248,10 @@ class Samples:
 
     def _scene(self) -> Compared:
         """Compare the scene, which is the same throughout."""
-        scene = Compared()
         drawn = _bytes(scene_update(self.show.epoch, self.script))
         found = self.log.messages({self.topics.get(SCENE, -1)})
-        if any(message.data != drawn for message in found):
-            scene.odd.append("it is another scene")
-        return scene
+        odd = any(message.data != drawn for message in found)
+        return Compared(odd=["it is another scene"] * odd)
 
     def _messages(
         self, channels: set[int], share: int = 0, shares: int = 1

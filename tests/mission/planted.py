@@ -12,7 +12,7 @@ from showc.mission import mission_files
 from showc.mission.fleet import fleet_token
 from showc.pipeline.compile import build_manifest
 from showc.verify.decode import read_show
-from showc.verify.missions import Missions
+from showc.verify.missions.folder import Missions
 from showc.verify.samples import Samples, join
 from showc.verify.specification.demands import hold_against
 

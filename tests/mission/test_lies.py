@@ -15,8 +15,7 @@ from mission.planted import Case, OtherManifest
 from showc.errors import ShowError
 from showc.log import showc_pb2 as pb
 from showc.script.show import MissionOptions
-from showc.verify.missions import Missions
-from showc.verify.missions.folder import check_parameters, check_plan
+from showc.verify.missions.folder import Missions, check_parameters, check_plan
 from showc.verify.missions.language import MissionFormatError, read_mission
 from showc.verify.missions.law import parameter_file
 from showc.verify.specification.demands import Demands, hold_against

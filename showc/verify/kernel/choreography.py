@@ -61,9 +61,8 @@ def _hover(show: LoggedShow) -> Iterator[Seen]:
     moves = [False, *(_moves(one.message) for one in show.segments), False]
     for index, one in enumerate(show.segments):
         name = one.message.name
-        for side, (time, state) in enumerate(
-            zip((one.start, one.end), one.ends(), strict=True)
-        ):
+        ends = zip((one.start, one.end), one.ends(), strict=True)
+        for side, (time, state) in enumerate(ends):
             if not any(moves[index + side : index + side + 2]):
                 yield Seen(name, time, fleet, np.abs(state[:, AT_REST]).max(axis=1))
         if one.holds:

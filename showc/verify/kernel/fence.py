@@ -22,6 +22,7 @@ bounds it (Higham 2002, section 3.1).
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,12 +46,8 @@ def enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:
         away = np.where(outside, _distance(path[:, 0], fence), -1.0)
         worst = int(np.argmax(away))
         return -float(away[worst]) - rounding, worst
-    found = least(
-        np.ascontiguousarray(path),
-        lambda some: _separation(some, fence),
-        lambda ends: _distance(ends, fence),
-        RESOLUTION,
-    )
+    bounded, reached = (partial(one, fence=fence) for one in (_separation, _distance))
+    found = least(np.ascontiguousarray(path), bounded, reached, RESOLUTION)
     return found.lower - rounding, found.row
 
 

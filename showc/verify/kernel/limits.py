@@ -230,12 +230,8 @@ def _greatest(table: PieceTable, rules: Rules, bound: Bound) -> Extreme:
     rounding = GAMMA * float(np.abs(work).max())
     if not np.isfinite(rounding):
         return Extreme(bound, np.inf, np.inf, int(table.drones[0]), 0.0)
-    found = least(
-        work,
-        lambda hull: np.asarray(hull.min(axis=1)),
-        lambda value: value,
-        RESOLUTION * (bound.span**2 if bound.squared else bound.span),
-    )
+    resolution = RESOLUTION * (bound.span**2 if bound.squared else bound.span)
+    found = least(work, lambda hull: hull.min(axis=1), np.asarray, resolution)
     start, end = table.start[found.row], table.end[found.row]
     drone, time = (
         int(table.owner[found.row]),

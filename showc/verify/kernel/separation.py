@@ -111,12 +111,8 @@ def closest_in(
     """
     if tracks.drones < 2:
         return None
-    return closest_of(
-        [
-            _Search(one, wanted.distance).over(tracks, during)
-            for one in slices.measures(wanted)
-        ]
-    )
+    looks = (_Search(one, wanted.distance) for one in slices.measures(wanted))
+    return closest_of([look.over(tracks, during) for look in looks])
 
 
 def closest_of(parts: Sequence[Encounter | None]) -> Encounter | None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Rules, Vector3
     from showc.log.showc_pb2 import Segment as SegmentMessage
 
-COMPONENTS = 12, 4  # position, velocity, attitude, body rates; thrust, three torques
+WIDTHS = 12, 4  # of a state: position, velocity, attitude, rates; of a control
 
 LARGEST = 1e9
 """Greatest number that a show can hold (SI): beyond it products leave float64."""

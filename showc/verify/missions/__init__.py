@@ -4,9 +4,3 @@
 script, ``legs`` and ``law`` say what an autopilot makes of the rows, ``separation`` and
 ``flight`` prove what keeps them apart, in time and inside.
 """
-
-from __future__ import annotations
-
-from showc.verify.missions.folder import Missions
-
-__all__ = ["Missions"]

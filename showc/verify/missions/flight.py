@@ -217,10 +217,8 @@ def _boundaries(fleet: FleetLegs, site: Site) -> Iterator[Check]:
     if not len(site.fence):
         return
     fence, found = np.array(site.fence).reshape(-1, 2), []
-    for begin, end, less in (
-        (fleet.begin, fleet.end, margin),
-        (fleet.end, beyond, 0.0),
-    ):
+    ways = (fleet.begin, fleet.end, margin), (fleet.end, beyond, 0.0)
+    for begin, end, less in ways:
         lines = np.stack([begin[:, :2], end[:, :2]], axis=1)
         lower, leg = enclosed(lines, fence)
         found.append((lower - less if lower >= TOUCHES else -np.inf, leg))

@@ -31,7 +31,6 @@ from showc.verify.specification.cover import object_in, read_manifest
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from showc.arrays import FloatArray
     from showc.log.container import LogFile
     from showc.log.showc_pb2 import Site
     from showc.script.show import Show
@@ -111,11 +110,9 @@ class Missions:
         checks = [self._same_manifest(), agreement("VRF401", self.bad)]
         if self.none:
             return [*checks, skipped]
-        listed = object_in(self.described, "files")
-        odd = [
-            f"{name}: {'only' if name in listed else 'not'} in the manifest"
-            for name in sorted(set(listed) ^ set(self.names()))
-        ]
+        both = object_in(self.described, "files"), self.names()
+        listed, asked = (dict.fromkeys(names) for names in both)
+        odd = unlike(listed, asked, "missions.files")
         return [*checks, agreement("VRF403", odd), *self._lines(), self._autopilot()]
 
     def _same_manifest(self) -> Check:
@@ -171,10 +168,8 @@ class Missions:
             return
         if not self.known:
             pads = self.show.segments[0].ends()[0][:, 2].tolist()
-            for (name, mission), height in zip(
-                self.missions.items(), pads, strict=True
-            ):
-                self.missions[name] = standing(mission, site, height)
+            for name, height in zip(self.missions, pads, strict=True):
+                self.missions[name] = standing(self.missions[name], site, height)
         try:
             # Without a start, missions that wait for no clock count from nothing.
             free = not self.known and self.described.get("start") is None
@@ -199,11 +194,8 @@ class Missions:
             content = self.contents.get(plan, b"")
             wrong = next(check_plan(content, mission, site, script, whose), None)
             plans += [f"{plan}: {wrong}"] * (wrong is not None)
-        return [
-            agreement("VRF405", rows),
-            agreement("VRF406", plans),
-            agreement("VRF409", self._wrong_lights()),
-        ]
+        found = {"VRF405": rows, "VRF406": plans, "VRF409": self._wrong_lights()}
+        return [agreement(*one) for one in found.items()]
 
     def _wrong_lights(self) -> Iterator[str]:
         """Say which missions show other colours than the moves end in."""
@@ -307,57 +299,48 @@ def check_plan(
     except (ValueError, LookupError, TypeError) as error:
         yield f"is no plan with a fence ({str(error)[:80]})"
         return
-    pad = mission.home or mission.items[0]
+    pad, same = mission.home or mission.items[0], language.RULES["plan"]
     home = [pad.latitude / 1e7, pad.longitude / 1e7, pad.height]
     polygon = fence if _is_fence(fence, site) else "the fence of the script"
-    cruise = fastest_level(script)
-    wanted = {
-        "fileType": "Plan",
-        "version": 1,
-        "groundStation": whose[0],
-        "fleetToken": whose[1],
-        "mission": {
-            "version": 2,
-            "firmwareType": PX4 if whose[2] == "px4" else ARDUPILOT,
-            "vehicleType": 2,
-            "cruiseSpeed": cruise,
-            "hoverSpeed": cruise,
-            "globalPlanAltitudeMode": 1,
-            "plannedHomePosition": home,
-            "items": [_entry(n, item) for n, item in enumerate(mission.items, 1)],
-        },
-        "geoFence": {
-            "version": 2,
-            "circles": [],
-            "polygons": [{"version": 1, "inclusion": True, "polygon": polygon}],
-        },
-        "rallyPoints": {
-            "version": 2,
-            "points": [[home[0], home[1], round(script.landing.altitude, 2)]],
-        },
+    items = [_entry(n, item) for n, item in enumerate(mission.items, 1)]
+    wanted = same | {"groundStation": whose[0], "fleetToken": whose[1]}
+    wanted["mission"] = same["mission"] | {
+        "firmwareType": PX4 if whose[2] == "px4" else ARDUPILOT,
+        **dict.fromkeys(("cruiseSpeed", "hoverSpeed"), fastest_level(script)),
+        "plannedHomePosition": home,
+        "items": items,
     }
+    polygons = [{"version": 1, "inclusion": True, "polygon": polygon}]
+    wanted["geoFence"] = same["geoFence"] | {"polygons": polygons}
+    rally = [[*home[:2], round(script.landing.altitude, 2)]]
+    wanted["rallyPoints"] = same["rallyPoints"] | {"points": rally}
     yield from unlike(plan, wanted, "plan", rounding=0.0)
 
 
 def _entry(number: int, item: Item) -> dict[str, Any]:
     """Return QGroundControl's form of an item."""
     height = round(item.height, 3)
-    entry: dict[str, Any] = {
-        "type": "SimpleItem",
-        "autoContinue": True,
-        "command": item.command,
-        "doJumpId": number,
-        "frame": item.frame,
-        "params": [*item.parameters, item.latitude / 1e7, item.longitude / 1e7, height],
-    }
+    place = item.latitude / 1e7, item.longitude / 1e7, height
+    entry: dict[str, Any] = {"doJumpId": number, "command": item.command}
+    entry |= {"frame": item.frame, "params": [*item.parameters, *place]}
+    entry |= language.RULES["entry"]
     if item.frame != language.MISSION:
         entry |= {"AMSLAltAboveTerrain": None, "Altitude": height, "AltitudeMode": 1}
     return entry
 
 
 def _is_fence(found: Any, site: Site) -> bool:  # noqa: ANN401 - any JSON
-    """Whether corners [deg] are those of the site's fence, clockwise from above."""
-    wanted = fence_corners(site)
+    """Whether corners [deg] are those of the site's fence, clockwise from above.
+
+    The volume's walls stand for it where the site has none.
+    """
+    low, high = site.volume_min, site.volume_max
+    walls = [(low.x, low.y), (low.x, high.y), (high.x, high.y), (high.x, low.y)]
+    wanted = np.array(list(site.fence) or walls).reshape(-1, 2)
+    x, y = wanted.T
+    # Twice the area, positive if they go round to the left.
+    if np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y) > 0.0:
+        wanted = wanted[::-1]
     try:
         kinds = {type(value) for corner in found for value in corner}
         corners = np.array(found, dtype=np.float64)
@@ -368,19 +351,3 @@ def _is_fence(found: Any, site: Site) -> bool:  # noqa: ANN401 - any JSON
     # A tangent plane has no corner off by its curve within any fence of a show.
     level = to_show_frame(site, corners[:, 0], corners[:, 1], site.altitude)
     return bool(np.linalg.norm(level[:, :2] - wanted, axis=1).max() <= CORNER)
-
-
-def fence_corners(site: Site) -> FloatArray:
-    """Return the corners (n, 2) of the site's fence, show frame [m], clockwise.
-
-    The volume's walls where the site has no fence.
-    """
-    low, high = site.volume_min, site.volume_max
-    walls = [(low.x, low.y), (low.x, high.y), (high.x, high.y), (high.x, low.y)]
-    corners = np.array(site.fence, dtype=np.float64).reshape(-1, 2)
-    if not len(corners):
-        return np.array(walls)
-    x, y = corners.T
-    # Twice the area, positive if they go round to the left.
-    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    return corners if area <= 0.0 else corners[::-1]

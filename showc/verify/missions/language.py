@@ -10,17 +10,14 @@ places with eight decimals, heights with three. So the bytes follow from what is
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib import resources
 from typing import Any, NamedTuple
 
+from showc.codes import read_table
 from showc.errors import ShowError
 
-RULES: dict[str, Any] = tomllib.loads(
-    resources.files(__package__).joinpath("language.toml").read_text(encoding="utf-8")
-)
+RULES: dict[str, Any] = read_table(__package__ or "", "language.toml")
 """What ``language.toml`` says."""
 
 MISSION, RELATIVE = 2, 3

@@ -8,14 +8,13 @@ integration. Nothing here is taken from the code that wrote the missions.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
-from importlib import resources
 from math import floor, tan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from showc.codes import read_table
 from showc.verify.missions.language import MissionFormatError
 
 if TYPE_CHECKING:
@@ -26,9 +25,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.script.show import Show
 
-KNOWN: dict[str, Any] = tomllib.loads(
-    resources.files(__package__).joinpath("law.toml").read_text(encoding="utf-8")
-)
+KNOWN: dict[str, Any] = read_table(__package__ or "", "law.toml")
 """What ``law.toml`` says."""
 
 CONSTANTS: dict[str, float] = KNOWN["constants"]

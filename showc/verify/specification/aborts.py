@@ -33,7 +33,7 @@ from showc.verify.kernel.show import LoggedShow, Seen, Segment, Statement, worst
 from showc.verify.report import Check, agreement
 from showc.verify.samples import flown
 from showc.verify.specification.compare import differences, read_json
-from showc.verify.specification.rules import limits_message
+from showc.verify.specification.rules import message_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -86,7 +86,7 @@ class Aborts:
         rules = pb.Rules.FromString(logged.rules.SerializeToString())
         sink = script.limits.upright(script.landing.descent_speed)
         del rules.limits[:]
-        rules.limits.extend(map(limits_message, (script.limits, sink)))
+        rules.limits.extend(message_of(pb.Limits, one) for one in (script.limits, sink))
         self.table, legs = read_aborts(log, rules)
         self.show = LoggedShow(rules, legs, logged.epoch)
 
@@ -122,12 +122,9 @@ class Aborts:
             _one("VRF354", [separated(show, radii, closest_of(near))]),
             _one("VRF355", joined),
         ]
-        asked = Statement("VRF356", None, limit=SLACK, unit="m/s²")
-        clock = worst(asked, self._beyond())
-        return replace(rows, notes=(note, *rows.notes)), [
-            *stated[: 4 * bool(joined)],
-            clock,
-        ]
+        clock = Statement("VRF356", None, limit=SLACK, unit="m/s²")
+        stated = [*(stated if joined else ()), worst(clock, self._beyond())]
+        return replace(rows, notes=(note, *rows.notes)), stated
 
     def strange(self) -> Iterator[str]:
         """Say what legs claim beside what the theorems are about: of that, nothing."""

@@ -59,11 +59,8 @@ def read_anchor(
     name = metadata.get("script", "")
     attached = {entry.name: log.attachment(entry.name) for entry in log.attachments}
     content = attached.pop(name, None) if name else None
-    inputs = {
-        key: data
-        for key, data in attached.items()
-        if key not in {MANIFEST_NAME, LAYOUT_NAME, *ADDITIONS} and data is not None
-    }
+    own = {MANIFEST_NAME, LAYOUT_NAME, *ADDITIONS}
+    inputs = {key: data or b"" for key, data in attached.items() if key not in own}
     bad: list[str] = []
     if content is None:
         bad.append(f"the log carries no script {name!r}")

@@ -64,14 +64,11 @@ class Lanes:
         self.times: list[str] = []
         """Moves that are not flown when the log claims it."""
         said = list(segment.message.moves)
-        asked = [
-            (name, one.group, one.to, kind)
-            for one in transitions
-            for name, kind in (
-                (one.name, pb.Segment.TRANSITION),
-                *[(f"hold after {one.name}", pb.Segment.MOTION)] * bool(one.motion),
-            )
-        ]
+        asked = []
+        for one in transitions:
+            asked.append((one.name, one.group, one.to, pb.Segment.TRANSITION))
+            held = f"hold after {one.name}", one.group, one.to, pb.Segment.MOTION
+            asked += [held] * bool(one.motion)
         if [(one.name, one.group, one.to_formation, one.kind) for one in said] != asked:
             raise StrayError(f"moves of “{segment.message.name}” are not the script's")
         both = [[said.pop(0) for _ in (0, *one.motion[:1])] for one in transitions]
@@ -161,9 +158,8 @@ class Lanes:
         np.minimum.at(first, which, begin)
         np.maximum.at(last, which, end)
         for claim, begins, ends in zip(claims, first, last, strict=True):
-            off = max(
-                abs(begins - claim.start), abs(ends - claim.start - claim.duration)
-            )
+            wrong = begins - claim.start, ends - claim.start - claim.duration
+            off = np.abs(wrong).max()
             if np.isfinite(begins) and not off <= MOMENT:
                 yield (
                     f"“{claim.name}” is flown from {begins:.3f} s to {ends:.3f} s, the "

@@ -19,35 +19,30 @@ if TYPE_CHECKING:
     Built = TypeVar("Built", bound=Message)
 
 
-def limits_message(limits: Limits) -> pb.Limits:
-    """Return limits as a log has them."""
-    return _message(pb.Limits, limits)
-
-
 def rules_message(
     show: Show, formations: dict[str, FloatArray], limits: list[Limits], duration: float
 ) -> pb.Rules:
     """Return the rules that a log of the show must carry."""
     fence = [] if show.site.fence is None else np.ravel(show.site.fence).tolist()
     shape = show.separation.shape.upper().replace("-", "_")
-    return _message(
+    return message_of(
         pb.Rules,
         show,
         format_version=FORMAT_VERSION,
         duration=duration,
-        site=_message(pb.Site, show.site, fence=fence),
-        vehicle=_message(pb.Vehicle, show.vehicle),
-        separation=_message(pb.Separation, show.separation, shape=shape),
+        site=message_of(pb.Site, show.site, fence=fence),
+        vehicle=message_of(pb.Vehicle, show.vehicle),
+        separation=message_of(pb.Separation, show.separation, shape=shape),
         yaw_held=show.yaw == "held",
         formations=[
             pb.Formation(name=name, points=np.ravel(points).tolist())
             for name, points in formations.items()
         ],
-        limits=list(map(limits_message, limits)),
+        limits=[message_of(pb.Limits, one) for one in limits],
     )
 
 
-def _message(kind: type[Built], source: object, **given: Any) -> Built:  # noqa: ANN401
+def message_of(kind: type[Built], source: object, **given: Any) -> Built:  # noqa: ANN401
     """Fill a message: its fields have the names of the attributes of the source."""
     values: dict[str, Any] = {}
     for entry in kind.DESCRIPTOR.fields:
