@@ -77,9 +77,7 @@ def check_schemas(log: LogFile) -> Check:
             bad.append(f"{channel.topic}: the channel says more, or another encoding")
     used = {channel.schema for channel in log.channels.values()}
     names = Counter(schema.name for schema in log.schemas.values())
-    bad += [
-        f"{log.schemas[n].name} is used by nothing" for n in log.schemas.keys() - used
-    ]
+    bad += [f"{log.schemas[n].name} is unused" for n in log.schemas.keys() - used]
     bad += [f"{name} is defined twice" for name in names if names[name] > 1]
     return agreement("VRF103", bad)
 
@@ -97,9 +95,7 @@ def read_show(log: LogFile) -> LoggedShow:
     messages = _segments(log, rules, epoch)
     end = max(message.start + message.duration for message in messages)
     if not abs(end - rules.duration) <= 1e-6:
-        raise Damage(
-            0, f"the last segment ends at {end} s, the show at {rules.duration} s"
-        )
+        raise Damage(0, f"segments end at {end} s, the show at {rules.duration} s")
     segments = tuple(_flown(log, rules, messages, epoch))
     return LoggedShow(rules, segments, epoch)
 
@@ -222,13 +218,7 @@ def read_aborts(
 def _flown(
     log: LogFile, rules: pb.Rules, messages: list[pb.Segment], epoch: int
 ) -> Iterator[Segment]:
-    """Gather the trajectories of all segments, which follow each other in the log.
-
-    Raises
-    ------
-    Damage
-        If trajectories are missing, double, malformed or not where they belong.
-    """
+    """Gather the trajectories of all segments, which follow each other in the log."""
     channels = {
         number: int(match[1]) - 1
         for number, channel in log.channels.items()
@@ -245,9 +235,7 @@ def _flown(
         found, offset = _parsed(pb.Trajectory, logged), logged.offset
         index, drone = found.segment, found.drone
         if index >= len(messages) or index in whole or drone in flights[index]:
-            raise Damage(
-                offset, f"drone {drone + 1} flies segment {index} twice, or it is none"
-            )
+            raise Damage(offset, f"drone {drone + 1} flies leg {index} twice, or none")
         time = epoch + round(Fraction(messages[index].start) * 10**9)
         if (drone, logged.time) != (channels[logged.channel], time):
             raise Damage(offset, "a trajectory is another drone's, or at another time")
@@ -257,9 +245,7 @@ def _flown(
             whole[index] = _segment(messages[index], flights.pop(index))
     for index, message in enumerate(messages):
         if index not in whole:
-            raise Damage(
-                0, f"segment {message.name!r} lacks the trajectories of its drones"
-            )
+            raise Damage(0, f"segment {message.name!r} lacks the trajectories")
         yield whole[index]
 
 

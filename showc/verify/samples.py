@@ -26,7 +26,7 @@ from showc.light.colour import drive_bytes, srgb_bytes
 from showc.log import sample
 from showc.log.scene import fleet_transforms, point_cloud, root_transform, scene_update
 from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORMS
-from showc.verify.kernel.bernstein import basis
+from showc.verify.kernel.bernstein import values
 from showc.verify.kernel.slices import Tracks
 from showc.verify.report import Check, Place, Verdict, checked
 from showc.verify.specification.compare import unlike
@@ -106,13 +106,9 @@ def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
         row = tracks.at(drones, part)
         start, end = table.start[row], table.end[row]
         share = np.clip((part - start) / (end - start), 0.0, 1.0)
-        for some, coefficients in (
-            (slice(0, 12), table.state),
-            (slice(12, 16), table.control),
-        ):
-            weights = basis(coefficients.shape[1] - 1, share)[:, :, None]
-            values = np.matmul(weights, coefficients[row])[:, :, 0]
-            result[some, begin : begin + step] = np.moveaxis(values, -1, 0)
+        both = [values(curves[row], share) for curves in (table.state, table.control)]
+        together = np.concatenate(both, axis=2)
+        result[:, begin : begin + step] = np.moveaxis(together, 2, 0)
     return result
 
 
@@ -334,9 +330,8 @@ class Samples:
         The points are held against the polynomials by themselves.
         """
         found = Compared()
-        root = FrameTransforms(
-            transforms=[root_transform(self.show.epoch, self.script.site)]
-        )
+        base = root_transform(self.show.epoch, self.script.site)
+        root = FrameTransforms(transforms=[base])
         wanted = {self.show.epoch: [_bytes(root)]}
         topics = {TRANSFORMS, *[FLEET] * (self.show.drones <= sample.SMALL_FLEET)}
         # Of one time frames and points may come in any order.
@@ -389,10 +384,8 @@ class Samples:
         late = np.flatnonzero(ratio.max(axis=0) > 1.0)
         for side in (-_SIDE, _SIDE) if late.size else ():
             moved, at = np.unique(times[late] + side, return_inverse=True)
-            other = _ratio(
-                values[:, late], flown(self.show, moved)[:, at, drones[late]]
-            )
-            ratio[:, late] = np.minimum(ratio[:, late], other)
+            then = _ratio(values[:, late], flown(self.show, moved)[:, at, drones[late]])
+            ratio[:, late] = np.minimum(ratio[:, late], then)
         found[code].see(ratio, times, drones)
         wanted = np.full(shown.shape, 255.0)
         wanted[:3] = encode(self.lights.linear(moments))[index, drones].T

@@ -107,9 +107,9 @@ def product(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def values(coefficients: FloatArray, fraction: FloatArray) -> FloatArray:
-    """Values at one ``fraction`` (pieces,) each; shape (pieces, components)."""
-    weights = basis(coefficients.shape[1] - 1, fraction)
-    return np.asarray(np.matmul(weights[:, None, :], coefficients)[:, 0])
+    """Values at one ``fraction`` (..., n) each; shape (..., n, components)."""
+    weights = basis(coefficients.shape[-2] - 1, fraction)
+    return np.asarray(np.matmul(weights[..., None, :], coefficients)[..., 0, :])
 
 
 @dataclass(frozen=True, slots=True)

@@ -181,9 +181,8 @@ class Relaxed:
                 ahead, left = np.hypot(x, y), 0.0 * x
                 slopes = np.tan(cone), 0.0 * cone
             ends = np.full_like(up, low), np.full_like(up, high)
-            found.append(
-                _within_cylinder((np.abs(ahead), np.abs(left), up), slopes, level, ends)
-            )
+            turned = np.abs(ahead), np.abs(left), up
+            found.append(_within_cylinder(turned, slopes, level, ends))
         return found
 
 

@@ -237,9 +237,8 @@ def _scheme(state_degree: int, control_degree: int) -> _Scheme:
     degree = max(2 * state_degree, control_degree, 4)
     transform, nodes = _transform(degree), _points(degree)
     # From Chebyshev coefficients to those of the integral from 0 to s.
-    first, second = (
-        chebint(np.eye(size + 1), lbnd=-1, scl=0.5) for size in (degree, degree + 1)
-    )
+    sizes = degree + 1, degree + 2
+    first, second = (chebint(np.eye(size), lbnd=-1, scl=0.5) for size in sizes)
     size = np.abs(first) @ np.abs(transform)
     gain = 2.0 * (state_degree + 2.0) + size.sum() + (np.abs(second) @ size).sum()
     bases = basis(state_degree, nodes), basis(control_degree, nodes)
@@ -369,9 +368,8 @@ def _defects(table: PieceTable, vehicle: Vehicle) -> tuple[FloatArray, FloatArra
         own = whole[(_FIRST, _SECOND)[k]] + k * width * whole[_FIRST]
         off.append(power * (error + rounding * size) + rounding * own)
         logged = state[:, (_FIRST, _SECOND)[k]]
-        found[: logged.shape[0]] -= np.tensordot(
-            _chebyshev(logged.shape[0] - 1), logged, axes=1
-        )
+        terms = logged.shape[0]
+        found[:terms] -= np.tensordot(_chebyshev(terms - 1), logged, axes=1)
         polynomial.append(found)
     initial = table.state[table.first[:-1], 0].T
     none = np.zeros((6, table.drones.size))
@@ -406,7 +404,7 @@ def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
     fine = _refined(table, vehicle)
     each = fine.first[:-1]
     greatest = [
-        np.maximum.reduceat(some, each, axis=1) for some in _defects(fine, vehicle)
+        np.maximum.reduceat(one, each, axis=1) for one in _defects(fine, vehicle)
     ]
     width = fine.end - fine.start
     total = np.add.reduceat(width, each)

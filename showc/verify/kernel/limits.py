@@ -266,9 +266,7 @@ def _statement(extreme: Extreme, segment: Segment, radii: FloatArray) -> Stateme
     radius = float(np.linalg.norm(radii[:, states].max(axis=0)))
     allowed = float(np.linalg.norm(TOLERANCES[states]))
     left, rest, unit = extreme.margin * bound.span, TOLERANCE * bound.span, bound.unit
-    note = (
-        f"{bound.name}: {left:+.6g} {unit} to the limit (tolerance {rest:.0e} {unit})"
-    )
+    note = f"{bound.name}: {left:+.6g} {unit} are left (tolerance {rest:.0e} {unit})"
     if states:
         note += f"; flown within {radius:.1e} {unit} of it ({allowed:.1e} allowed)"
     value = bound.sign * (bound.top - left + min(radius, allowed)) + 0.0

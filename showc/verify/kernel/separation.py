@@ -168,10 +168,8 @@ class _Search:
         rounding = GAMMA * float(max(scaled.max(initial=0.0), -scaled.min(initial=0.0)))
         self.error = 2.0 * (rounding + slices.MOMENT * positions.speed)
         self._start(positions.position[positions.first[:-1], 0], positions.begin)
-        furthest = _FURTHEST * max(self.best.distance, self.wanted)
-        for low, high in slices.edges(
-            tracks.begin, tracks.end, positions.speed, furthest
-        ):
+        reach = _FURTHEST * max(self.best.distance, self.wanted)
+        for low, high in slices.edges(tracks.begin, tracks.end, positions.speed, reach):
             self._slice(positions, low, high, _HALVINGS)
             if self._over:
                 break

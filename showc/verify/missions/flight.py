@@ -106,10 +106,8 @@ def visits(
     count = np.count_nonzero(found >= 0)
     verdict: Verdict = "fail" if wrong else "pass"
     note = wrong or f"{count:,} places, to 1e-7 degrees and 1.2 cm of height"
-    facts = worst, 1.0, "of the resolution"
-    return found, checked(
-        "VRF404", verdict, *facts, where=Place(where + 1), notes=(note,)
-    )
+    facts = "VRF404", verdict, worst, 1.0, "of the resolution"
+    return found, checked(*facts, where=Place(where + 1), notes=(note,))
 
 
 def _visits(places: FloatArray, stops: FloatArray) -> tuple[list[int], float]:

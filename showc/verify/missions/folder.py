@@ -238,9 +238,8 @@ class Missions:
             return [checked("VRF410", "fail", notes=(self.grounded,))]
         show, script, moves = self.show, self.script, self.asked.moves
         if not self.known:
-            foretold = unlike(
-                self.described.get("prediction"), {"clock": "relative"}, "prediction"
-            )
+            said = self.described.get("prediction")
+            foretold = unlike(said, {"clock": "relative"}, "prediction")
             places = check_places(self.fleet, show, moves)
             return [*places, agreement("VRF414", foretold)]
         return check_flight(self.fleet, show, self.described, script, moves)

@@ -234,9 +234,8 @@ def _assembled(
     """Put the phases of whole legs together: when they begin, and what they are."""
     jerk, rise, hold, push = ramp
     moving = length > 0.0
-    cruise = np.maximum(
-        length / np.where(speed > 0.0, speed, 1.0) - _ramp_time(ramp), 0.0
-    )
+    rest = length / np.where(speed > 0.0, speed, 1.0) - _ramp_time(ramp)
+    cruise = np.maximum(rest, 0.0)
     none = np.zeros_like(rise)
     up = [(rise, 0.5, -0.5), (hold, 1.0, 0.0), (rise, 0.5, 0.5)]
     down = [(time, -c0, -c1) for time, c0, c1 in up]
@@ -260,17 +259,15 @@ def _assembled(
 
 def _advanced(phase: FloatArray, since: FloatArray) -> FloatArray:
     """Distance, speed, acceleration (3, n) after ``since`` (n,) of ``phase`` (6, n)."""
-    distance, speed, push, constant, cosine, turn = phase
+    distance, speed, push, c0, c1, turn = phase
     angle = turn * since
     # Integrals of the cosine.
     once, twice = np.sin(angle) / turn, (1.0 - np.cos(angle)) / turn**2
     thrice = (since - once) / turn**2
-    distance = distance + since * (
-        speed + since * (0.5 * push + since * (constant / 6.0))
-    )
-    speed = speed + since * (push + since * (0.5 * constant))
-    push = push + since * constant
-    waves = cosine * np.stack([thrice, twice, once])
+    distance = distance + since * (speed + since * (0.5 * push + since * (c0 / 6.0)))
+    speed = speed + since * (push + since * (0.5 * c0))
+    push = push + since * c0
+    waves = c1 * np.stack([thrice, twice, once])
     return np.asarray(np.stack([distance, speed, push]) + waves)
 
 

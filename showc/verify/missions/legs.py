@@ -144,10 +144,8 @@ class Clock:
         MissionFormatError
             If it names neither a start of whole seconds nor a minute.
         """
-        start, prediction = described.get("start"), described.get("prediction")
-        minute = (
-            prediction.get("start_minute") if isinstance(prediction, dict) else None
-        )
+        start, said = described.get("start"), described.get("prediction")
+        minute = said.get("start_minute") if isinstance(said, dict) else None
         if start is None and type(minute) is int and 0 <= minute < 60:
             return cls(60.0 * minute, HOUR)
         with suppress(ValueError, OverflowError):
@@ -202,10 +200,8 @@ def fleet_legs(
         except MissionFormatError as error:
             raise MissionFormatError(f"drone {drone + 1}: {error}") from None
         homes.append(len(rows))
-    latitude, longitude = (
-        np.array([getattr(row.item, name) for row in rows]) * 1e-7
-        for name in ("latitude", "longitude")
-    )
+    degrees = [(row.item.latitude, row.item.longitude) for row in rows]
+    latitude, longitude = 1e-7 * np.array(degrees).T
     ends = np.setdiff1d(np.arange(len(rows)), homes)
     heights = np.array([row.item.height for row in rows])
     base = np.repeat(heights[homes[:-1]], np.diff(homes))
@@ -213,9 +209,8 @@ def fleet_legs(
     heights = _stored(heights)
     places = to_show_frame(site, latitude, longitude, heights + base)
     shrink = np.cos(np.radians(site.latitude))
-    level = (
-        np.stack([latitude, longitude * shrink]) * law.CONSTANTS["metres_per_degree"]
-    )
+    scale = law.CONSTANTS["metres_per_degree"]
+    level = scale * np.stack([latitude, longitude * shrink])
     step = np.diff(np.stack([*level, heights], axis=1), axis=0)[ends - 1]
     flights = [rows[end] for end in ends.tolist()]
     level, climb, descent = np.array([row.speeds for row in flights]).T

@@ -78,9 +78,7 @@ def _shown(
         if len(own) < len(items) or own.items() & now.items() or own.keys() - {*servos}:
             raise ValueError("sets an output that the script does not name, or again")
         now |= own
-        pulses = [
-            now.get(output, was) for output, was in zip(servos, dark[0], strict=True)
-        ]
+        pulses = [now.get(pin, was) for pin, was in zip(servos, dark[0], strict=True)]
         found += [Lit(pulses, step)] * (pulses != found[-1].pulses)
     if now.keys() != {*servos}:
         raise ValueError("does not set its outputs")

@@ -71,10 +71,9 @@ class Stretch:
         late, early = flights.delayed(leg, low - release, high - release)
         excess = np.where(self._moving(drone, low), flights.excess[leg], 1.0)
         begin, along = self.begin[drone], self.along[drone]
-        rear, front, slow, fast = (
-            part[:, None] * along for part in flights.covered(leg, late, early)
-        )
-        front, fast = (excess[:, None] * some for some in (front, fast))
+        covered = flights.covered(leg, late, early)
+        rear, front, slow, fast = (part[:, None] * along for part in covered)
+        front, fast = excess[:, None] * front, excess[:, None] * fast
         # The law's time runs slower than the clock at first, by up to 35 %.
         return Covered(begin + rear, begin + front, 0.65 * slow, fast)
 
@@ -228,9 +227,7 @@ def nearest_landing(fleet: FleetLegs, wanted: Separation) -> Nearest:
             start, stop = (measure.space(some) for some in (fleet.begin, fleet.end))
             way = stop[legs] - start[legs]
             rest, ahead = (start[legs] + k[:, None] * way for k in (flown, excess))
-            foot, pad = (
-                np.broadcast_to(some[own], way.shape) for some in (start, stop)
-            )
+            foot, pad = (np.broadcast_to(one[own], way.shape) for one in (start, stop))
             gap = part_distance((rest, ahead), (foot, pad), measure)
             pairs = np.column_stack([fleet.owner[legs], np.full(legs.size, drone)])
             best.take(pairs, float(leaves[own]), gap)

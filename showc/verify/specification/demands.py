@@ -118,9 +118,7 @@ class _Walk:
         """Goals of the last leg, and of the one before it."""
         self.dark, self.colours, self.lit = np.zeros((3, show.drones, 3))
         self.parking = np.full(show.drones, PARKED)
-        self.formations = {
-            name: formation.points for name, formation in show.formations.items()
-        }
+        self.formations = {name: one.points for name, one in show.formations.items()}
         self.limits: list[Limits] = []
         self.spans: list[LightSpan] = []
         self.placed: list[tuple[Transition, IntArray, IntArray]] = []
