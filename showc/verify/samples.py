@@ -123,14 +123,6 @@ class Compared:
     odd: list[str] = field(default_factory=list)
     """What is wrong besides numbers."""
 
-    def join(self, other: Compared) -> None:
-        """Add what was found in other samples of the kind."""
-        self.samples += other.samples
-        self.bad += other.bad
-        self.odd += other.odd
-        if other.value > self.value:
-            self.value, self.where = other.value, other.where
-
     def see(self, ratio: FloatArray, times: FloatArray, drones: IntArray) -> None:
         """Look at errors over what is allowed, (fields, n), at times of drones."""
         self.samples += ratio.size
@@ -160,9 +152,11 @@ Found = dict[str, Compared]
 def join(found: Iterable[Found]) -> list[Check]:
     """Turn what the parts found into checks."""
     whole: defaultdict[str, Compared] = defaultdict(Compared)
-    for part in found:
-        for code, compared in part.items():
-            whole[code].join(compared)
+    for code, one in (seen for part in found for seen in part.items()):
+        before = whole[code]
+        worst = one if one.value > before.value else before
+        counts = before.samples + one.samples, before.bad + one.bad
+        whole[code] = Compared(worst.value, worst.where, *counts, before.odd + one.odd)
     return [compared.check(code) for code, compared in sorted(whole.items())]
 
 

@@ -403,23 +403,21 @@ def _sums(first: IntArray, start: FloatArray, steps: FloatArray) -> FloatArray:
 def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
     fine = _refined(table, vehicle)
     each = fine.first[:-1]
-    greatest = [
-        np.maximum.reduceat(one, each, axis=1) for one in _defects(fine, vehicle)
-    ]
+    most = [np.maximum.reduceat(one, each, axis=1) for one in _defects(fine, vehicle)]
     width = fine.end - fine.start
     total = np.add.reduceat(width, each)
     hull = np.abs(fine.state[:, :, 9:]).max(axis=1)
     slopes = np.abs(_couplings(vehicle)) * (hull[:, _ONE] + hull[:, _OTHER] + ETA)
     growth = np.add.reduceat(width * slopes.max(axis=1), each)
-    sup = greatest[0][3:].max(axis=0)
+    sup = most[0][3:].max(axis=0)
     within = sup * np.exp(growth) <= ETA
     gyroscopic = np.where(within, sup * np.expm1(growth), np.inf)
-    angles = greatest[1][3:] + total * gyroscopic
+    angles = most[1][3:] + total * gyroscopic
     # Four rotors at full speed: clipped controls ask for no more.
     push = 4.0 * vehicle.thrust_coefficient * vehicle.rotor_speed_max**2 / vehicle.mass
     lean = total * push * angles.sum(axis=0)
-    position = greatest[1][:3] + 0.5 * total * lean
-    velocity, rates = greatest[0][:3] + lean, greatest[0][3:] + gyroscopic
+    position = most[1][:3] + 0.5 * total * lean
+    velocity, rates = most[0][:3] + lean, most[0][3:] + gyroscopic
     found = np.concatenate([position, velocity, angles, rates]).T
     # Sums of positive numbers, each off by rounding alone.
     found *= 1.0 + GAMMA

@@ -236,14 +236,10 @@ def _apart(code: str, found: Nearest, wanted: float) -> Check:
         return checked(code, "pass", notes=("no two drones meet",))
     limit = wanted - CONSTANTS["rounding"] - 3.0 * separation.RESOLUTION
     bound = found.distance - separation.RESOLUTION
-    note = (
-        f"{wanted:g} m less {wanted - limit:g} m of the format's rounding and of the "
-        "proofs' resolution"
-    )
-    where = Place(
-        pair=(found.pair[0] + 1, found.pair[1] + 1),
-        time=found.time if found.time > 0.0 else None,
-    )
+    less = f"{wanted:g} m less {wanted - limit:g} m"
+    note = f"{less} of the format's rounding and of the proofs' resolution"
+    pair, time = (found.pair[0] + 1, found.pair[1] + 1), found.time or None
+    where = Place(pair=pair, time=time)
     verdict: Verdict = "pass" if bound >= limit else "fail"
     return checked(code, verdict, bound, limit, "m", where=where, notes=(note,))
 

@@ -168,12 +168,10 @@ def profiles(
     length = np.linalg.norm(displacement, axis=1)
     length = np.where(length > _SHORTEST, length, 0.0)
     unit = np.abs(displacement) / np.where(length > 0.0, length, 1.0)[:, None]
-    flat = np.hypot(unit[:, 0], unit[:, 1])
+    flat, steep = np.hypot(unit[:, 0], unit[:, 1]), unit[:, 2]
     with np.errstate(divide="ignore", over="ignore"):
-        speed = np.minimum(level / flat, vertical / unit[:, 2])
-        push = np.minimum(
-            law.acceleration / flat, law.vertical_acceleration / unit[:, 2]
-        )
+        speed = np.minimum(level / flat, vertical / steep)
+        push = np.minimum(law.acceleration / flat, law.vertical_acceleration / steep)
     speed = np.where(length > 0.0, speed, 1.0)
     push = np.where(length > 0.0, push, 1.0)
     low, high = np.zeros_like(speed), speed.copy()

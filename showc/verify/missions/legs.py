@@ -278,9 +278,7 @@ def _rows(
         elif item.word == "C" and clock is not None:
             slots.append(clock.time(item))
             if slots[-1] < before:
-                raise MissionFormatError(
-                    f"line {line}: this slot comes before the one before it"
-                )
+                raise MissionFormatError(f"line {line}: this slot comes too early")
             before = slots[-1]
         elif item.word == "F" and slots:
             slots[-1] += item.parameters[0]

@@ -55,13 +55,9 @@ def _shown(
 ) -> tuple[list[Lit], list[int]]:
     """Return what a mission shows one after the other, dark at first.
 
-    Also returns how many legs and slots there are up to the end of each leg.
-
-    Raises
-    ------
-    ValueError
-        If it sets an output that is not one of them, or twice at once, or to no avail;
-        or not all of them before it flies.
+    Also returns how many legs and slots there are up to the end of each leg. ValueError
+    if it sets an output that is not one of them, or twice at once, or to no avail; or
+    not all of them before it flies.
     """
     found, steps, step = [dark], [0], 0
     now: dict[int, int] = {}
