@@ -96,8 +96,7 @@ def read_show(log: LogFile) -> LoggedShow:
     end = max(message.start + message.duration for message in messages)
     if not abs(end - rules.duration) <= 1e-6:
         raise Damage(0, f"segments end at {end} s, the show at {rules.duration} s")
-    segments = tuple(_flown(log, rules, messages, epoch))
-    return LoggedShow(rules, segments, epoch)
+    return LoggedShow(rules, tuple(_flown(log, rules, messages, epoch)), epoch)
 
 
 def _on(log: LogFile, topic: str) -> set[int]:

@@ -192,8 +192,7 @@ class Verification:
         same = ("drones", "duration", "anchor", "verdict", "trajectories", "missions")
         for name in (*same, "proved", "passed", "exit_code"):
             said[name] = getattr(self, name)
-        checks = [check.to_json() for check in self.checks]
-        return {**_plain(said), "checks": checks}
+        return {**_plain(said), "checks": [check.to_json() for check in self.checks]}
 
     def __str__(self) -> str:
         return json.dumps(self.to_json(), indent=1)

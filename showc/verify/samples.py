@@ -337,8 +337,7 @@ class Samples:
                     frames.append(message.data)
                 elif (points := self._points([message], sample.POINT)) is not None:
                     drones = range(self.show.drones)
-                    frame = fleet_transforms(time, points[0], drones)
-                    expected.append(_bytes(frame))
+                    expected.append(_bytes(fleet_transforms(time, points[0], drones)))
             # How many there must be, is a matter of the times of messages.
             if frames != expected[: len(frames)]:
                 found.odd.append("frames are not those of the drones")

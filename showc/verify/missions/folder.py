@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Site
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
-    from showc.verify.missions.language import Item
     from showc.verify.missions.legs import FleetLegs
     from showc.verify.specification.demands import Demands
 
@@ -316,7 +315,7 @@ def check_plan(
     yield from unlike(plan, wanted, "plan", rounding=0.0)
 
 
-def _entry(number: int, item: Item) -> dict[str, Any]:
+def _entry(number: int, item: language.Item) -> dict[str, Any]:
     """Return QGroundControl's form of an item."""
     height = round(item.height, 3)
     place = item.latitude / 1e7, item.longitude / 1e7, height

@@ -174,8 +174,7 @@ def standing(mission: Mission, site: Site, height: float) -> Mission:
     first = mission.items[0]
     place = 1e-7 * first.latitude, 1e-7 * first.longitude
     altitude = height - float(to_show_frame(site, *place, 0.0)[2])
-    home = first._replace(word="H", height=round(altitude, 2))
-    return replace(mission, home=home)
+    return replace(mission, home=first._replace(word="H", height=round(altitude, 2)))
 
 
 def fleet_legs(
