@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections import Counter, defaultdict
+from collections import Counter
 from fractions import Fraction
 from itertools import chain, islice, product
 from typing import TYPE_CHECKING, TypeVar
@@ -25,7 +25,7 @@ from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Se
 from showc.verify.report import Check, agreement
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from showc.log.container import LogFile
 
@@ -193,9 +193,6 @@ def read_aborts(
     one = next(one for one in log.attachments if one.name == ABORT_NAME)
     offset, content = one.position, log.attachment(ABORT_NAME) or b""
     table = _parsed(pb.AbortTable, LoggedMessage(0, 0, content, offset))
-    flights: dict[int, dict[int, PieceTable]] = defaultdict(dict)
-    for found in table.flights:
-        flights[found.segment][found.drone] = _table(found, offset)
     said = ((row.time, row.rest, row.duration, *row.changes) for row in table.rows)
     numbers = [*chain(*said)]
     if not (
@@ -211,7 +208,10 @@ def read_aborts(
         and rules.duration / CAPS["samples"] <= table.every < LARGEST
     ):
         raise Damage(offset, "the abort table contradicts itself")
-    return table, tuple(_segment(m, flights[k]) for k, m in enumerate(table.legs))
+    flights = (_table(one, offset) for one in table.flights)
+    fleet = range(rules.drones)
+    legs = (_segment(leg, [next(flights) for _ in fleet]) for leg in table.legs)
+    return table, tuple(legs)
 
 
 def _flown(
@@ -224,28 +224,21 @@ def _flown(
         if (match := TOPIC.fullmatch(channel.topic))
     }
     if sorted(channels.values()) != list(range(rules.drones)):
-        raise Damage(
-            0,
-            f"there are trajectories of {len(channels)} drones, not of {rules.drones}",
-        )
-    flights: dict[int, dict[int, PieceTable]] = defaultdict(dict)
-    whole: dict[int, Segment] = {}
-    for logged in log.messages(set(channels)):
-        found, offset = _parsed(pb.Trajectory, logged), logged.offset
-        index, drone = found.segment, found.drone
-        if index >= len(messages) or index in whole or drone in flights[index]:
-            raise Damage(offset, f"drone {drone + 1} flies leg {index} twice, or none")
-        time = epoch + round(Fraction(messages[index].start) * 10**9)
-        if (drone, logged.time) != (channels[logged.channel], time):
-            raise Damage(offset, "a trajectory is another drone's, or at another time")
-        flights[index][drone] = _table(found, offset)
-        if len(flights[index]) == rules.drones:
-            # Joined at once, so that the parts can go.
-            whole[index] = _segment(messages[index], flights.pop(index))
+        raise Damage(0, f"not every one of {rules.drones} drones has trajectories")
+    flown = log.messages(set(channels))
     for index, message in enumerate(messages):
-        if index not in whole:
-            raise Damage(0, f"segment {message.name!r} lacks the trajectories")
-        yield whole[index]
+        time, flights = epoch + round(Fraction(message.start) * 10**9), []
+        for drone, logged in zip(range(rules.drones), flown, strict=False):
+            found = _parsed(pb.Trajectory, logged)
+            said = found.segment, found.drone, channels[logged.channel], logged.time
+            if said != (index, drone, drone, time):
+                raise Damage(logged.offset, "a trajectory is not in its turn")
+            flights.append(_table(found, logged.offset))
+        if len(flights) < rules.drones:
+            raise Damage(0, f"segment {message.name!r} lacks trajectories")
+        yield _segment(message, flights)
+    for logged in flown:
+        raise Damage(logged.offset, "a trajectory follows those of all segments")
 
 
 def _table(found: pb.Trajectory, offset: int) -> PieceTable:
@@ -273,18 +266,18 @@ def _table(found: pb.Trajectory, offset: int) -> PieceTable:
     return PieceTable(drones, first, breaks[:-1], breaks[1:], state, control)
 
 
-def _segment(message: pb.Segment, flights: dict[int, PieceTable]) -> Segment:
+def _segment(message: pb.Segment, flights: Sequence[PieceTable]) -> Segment:
     """Join flights; those of lower degrees are written in the greatest ones.
 
     That is exact to a few roundings a degree, at ends of intervals to the bit.
     """
-    some, joined = [one for _, one in sorted(flights.items())], {}
+    joined = {}
     for name in ("drones", "start", "end", "state", "control"):
-        parts = [getattr(one, name) for one in some]
+        parts = [getattr(one, name) for one in flights]
         if name in {"state", "control"}:
             degree = max(part.shape[1] for part in parts) - 1
             parts = [elevate(part, degree) for part in parts]
         joined[name] = np.concatenate(parts)
-    first = np.cumsum([0, *(len(one.state) for one in some)])
+    first = np.cumsum([0, *(len(one.state) for one in flights)])
     goals = np.array(message.goals).reshape(-1, 3)
     return Segment(message, PieceTable(first=first, **joined), goals)

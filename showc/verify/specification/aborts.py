@@ -33,7 +33,7 @@ from showc.verify.kernel.show import LoggedShow, Seen, Segment, Statement, worst
 from showc.verify.report import Check, agreement
 from showc.verify.samples import flown
 from showc.verify.specification.compare import differences, read_json
-from showc.verify.specification.rules import message_of
+from showc.verify.specification.cover import message_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

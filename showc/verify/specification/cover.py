@@ -1,26 +1,35 @@
-"""The script that a log is held against, and what a log says around its flight."""
+"""The script that a log is held against; the rules and documents that it must carry."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from showc.files import read_file
 from showc.log import facts
+from showc.log import showc_pb2 as pb
 from showc.log.schema import ADDITIONS, LAYOUT_NAME, MANIFEST_NAME, PREDICTED
 from showc.script import read_show
-from showc.verify.decode import CAPS
+from showc.verify.decode import CAPS, FORMAT_VERSION
 from showc.verify.report import Check, agreement, checked
 from showc.verify.specification.compare import read_json, unlike
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from google.protobuf.message import Message
+
+    from showc.arrays import FloatArray
     from showc.log.container import LogFile
     from showc.script.show import Show
+    from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow
+
+    Built = TypeVar("Built", bound=Message)
 
 _NIL: dict[str, Any] = {"autopilot": None, "files": {}, "prediction": {}, "start": None}
 """What a manifest says where there are none; else they are checked by themselves."""
@@ -179,3 +188,38 @@ def _manifest(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
         "missions": {**(_NIL if none else said), "warnings": texts},
     }
     yield from unlike(found, wanted, "manifest")
+
+
+def rules_message(
+    show: Show, formations: dict[str, FloatArray], limits: list[Limits], duration: float
+) -> pb.Rules:
+    """Return the rules that a log of the show must carry."""
+    fence = [] if show.site.fence is None else np.ravel(show.site.fence).tolist()
+    shape = show.separation.shape.upper().replace("-", "_")
+    return message_of(
+        pb.Rules,
+        show,
+        format_version=FORMAT_VERSION,
+        duration=duration,
+        site=message_of(pb.Site, show.site, fence=fence),
+        vehicle=message_of(pb.Vehicle, show.vehicle),
+        separation=message_of(pb.Separation, show.separation, shape=shape),
+        yaw_held=show.yaw == "held",
+        formations=[
+            pb.Formation(name=name, points=np.ravel(points).tolist())
+            for name, points in formations.items()
+        ],
+        limits=[message_of(pb.Limits, one) for one in limits],
+    )
+
+
+def message_of(kind: type[Built], source: object, **given: Any) -> Built:  # noqa: ANN401
+    """Fill a message: its fields have the names of the attributes of the source."""
+    values: dict[str, Any] = {}
+    for entry in kind.DESCRIPTOR.fields:
+        name = entry.name
+        value = given[name] if name in given else getattr(source, name)
+        if entry.message_type is pb.Vector3.DESCRIPTOR:
+            value = dict(zip("xyz", map(float, value), strict=True))
+        values[name] = value
+    return kind(**values)

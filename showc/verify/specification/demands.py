@@ -21,9 +21,9 @@ from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, REACHED
 from showc.verify.report import Check, agreement
 from showc.verify.specification.compare import differences, unlike
+from showc.verify.specification.cover import rules_message
 from showc.verify.specification.lanes import ON_TIME, Flight, Lanes, StrayError
 from showc.verify.specification.motion import astray, standing
-from showc.verify.specification.rules import rules_message
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
