@@ -39,9 +39,19 @@ def test_takeoffs_last_as_long_as_they_are_flown(speed, acceleration, height, fl
     assert times([height], speed, acceleration)[0] == pytest.approx(flown, abs=0.01)
 
 
-def test_the_measured_takeoff():
-    # From AUTO to the waypoint at 2.5 m: 3.49 to 3.50 s in simulation.
-    assert LIFT_OFF + times([250], 4.0, 2.5)[0] == pytest.approx(3.495, abs=0.01)
+@pytest.mark.parametrize(
+    ("speed", "height", "flown", "within"),
+    # From AUTO to the next item in simulation: logged, or reported every 0.05 s.
+    [
+        (4.0, 250, 3.495, 0.01),
+        (2.0, 250, 3.775, 0.05),
+        (2.0, 150, 3.35, 0.05),
+        (0.5, 100, 4.30, 0.05),
+    ],
+)
+def test_the_measured_takeoffs(speed, height, flown, within):
+    took = LIFT_OFF + times([height], speed, 2.5)[0]
+    assert took == pytest.approx(flown, abs=within)
 
 
 @pytest.mark.parametrize(
