@@ -149,3 +149,14 @@ def test_lengths_in_beats_are_whole_milliseconds():
     times, music = "duration: 13 beats, hold: 19 beats, ", "music: {bpm: 140}\n"
     (one,) = read("ring", "{wave: 0.2}", times, music=music).draft.transitions
     assert (one.duration, one.hold) == (5.571, 8.143)
+
+
+def test_places_that_pass_each_other_quickly_are_found():
+    result = read_show(
+        b"showc: 1\ndrones: 2\nformations:\n"
+        b"  a: {type: points, points: [[-12, 0, 20], [0, 0.2, 20]]}\n"
+        b"  b: {type: points, points: [[12, 0, 20], [0, 0.2, 20]]}\n"
+        b"transitions: [{to: a, hold: 20, motion: [{morph: [b]}]}]\n"
+    )
+    (message,) = refused(result)
+    assert message.startswith("places 1 and 2 of `a` come within")

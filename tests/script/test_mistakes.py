@@ -43,6 +43,7 @@ CASES = {
         f"{HEAD}formations:\n  it:\n    type: circle\n    radius: 9\n"
         f"    colour: #ff8800\n{TAIL}"
     ),
+    "a colour that hides a bracket": circle("colour: #ff8800"),
     "a list of colours": circle("colour: [red, white]"),
     "a colour out of range": circle("colour: [256, 0, 0]"),
     "a decimal comma": f"{HEAD}formations:\n  it:\n    type: circle\n"
@@ -55,6 +56,7 @@ CASES = {
     "decimal commas and no others": circle("centre: [0 1,5 20]"),
     "no commas in a list": circle("centre: [0 20 40]"),
     "neither commas nor brackets": circle("centre: 0 20 40"),
+    "commas and no brackets": circle("centre: 0, 20, 40"),
     "a CSV without heights": formation("type: csv, file: flat.csv"),
     "a CSV of Skybrush": formation("type: csv, file: skybrush.csv"),
     "a CSV with decimal commas": formation("type: csv, file: comma.csv"),
@@ -260,10 +262,12 @@ def test_one_mistake_is_one_message_that_helps(name, tmp_path):
 
 MENDABLE = {
     "a colour that YAML takes for a comment": 'colour: "#ff8800"',
+    "a colour that hides a bracket": 'colour: "#ff8800"}',
     "a decimal comma": "radius: 9.5",
     "a decimal comma in braces": "{to: it, hold: 2.5}",
     "no commas in a list": "centre: [0, 20, 40]",
     "neither commas nor brackets": "centre: [0, 20, 40]",
+    "commas and no brackets": "centre: [0, 20, 40]",
     "a mistyped section": "formations: {it: {type",
     "a mistyped type": "{type: circle, radius: 9}",
     "a mistyped name": "transitions: [ring]",

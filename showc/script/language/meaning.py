@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import groupby
 
 from showc.script.diagnostic import Diagnostic
 from showc.script.language.document import Entry, Mapping, Node, Scalar, Sequence
@@ -238,7 +239,8 @@ def mixed_colour(node: Sequence) -> Node:
 def whole_values(node: Node) -> Node:
     """Return a collection in which ``rgb(255, 128, 0)`` is one value again.
 
-    In braces and brackets YAML parts it at its commas.
+    In braces and brackets YAML parts it at its commas, as it does a list of numbers
+    without brackets.
     """
     if isinstance(node, Sequence):
         items: list[Node] = []
@@ -258,7 +260,32 @@ def whole_values(node: Node) -> Node:
             entries[-1] = replace(entries[-1], value=joined)
         else:
             entries.append(entry)
-    return replace(node, entries={one.key: one for one in entries})
+    return replace(node, entries={one.key: one for one in _listed(entries)})
+
+
+def _listed(entries: list[Entry]) -> list[Entry]:
+    """Return entries in which the numbers of ``centre: 0, 5, 20`` are one value again.
+
+    One number behind a comma may be the decimals of the one before it.
+    """
+    result: list[Entry] = []
+    for rest, run in groupby(entries, _is_number):
+        behind = list(run)
+        first = result[-1].value if result else None
+        if not (rest and len(behind) > 1 and isinstance(first, Scalar)):
+            result += behind
+            continue
+        end = behind[-1].mark
+        mark = replace(first.mark, end_line=end.end_line, end_column=end.end_column)
+        text = ", ".join([first.text, *(one.key for one in behind)])
+        result[-1] = replace(result[-1], value=replace(first, text=text, mark=mark))
+    return result
+
+
+def _is_number(entry: Entry) -> bool:
+    """Tell whether a key without a value is a number."""
+    empty = isinstance(entry.value, Scalar) and not entry.value.text
+    return empty and re.fullmatch(NUMBER, entry.key) is not None
 
 
 def _continued(first: Node, rest: Node) -> Scalar | None:

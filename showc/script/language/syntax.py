@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import yaml
 
 _OTHERWISE = "check the indentation, the colons and the brackets up to here"
+_COLOUR_COMMENT = re.compile(r"[:,[][ \t]+(#[0-9a-fA-F]{3,8})\b[ \t]*\S")
+"""A colour that begins a comment, with what closes or goes on behind it."""
 
 
 def syntax_fault(
@@ -40,7 +42,12 @@ def syntax_fault(
     line = lines[span.line - 1] if span.line <= len(lines) else ""
     sign = line[span.column - 1 : span.column]
     labels: tuple[Label, ...] = ()
-    if "cannot start any token" in problem and sign == "\t":
+    fix = ""
+    if (colour := _commented(lines, begun, span)) is not None:
+        span, fix = colour
+        problem = "`#` begins a comment"
+        advice = f"write `{fix}`, with the quotes"
+    elif "cannot start any token" in problem and sign == "\t":
         problem, advice = "a tab between values", "separate values with spaces"
     elif "cannot start any token" in problem:
         problem = f"a text cannot begin with {'a backtick' if sign == '`' else sign}"
@@ -66,8 +73,33 @@ def syntax_fault(
         if begun.line != span.line:
             labels = (Label(begun, "the block" if block else str(fault.context)),)
     return Diagnostic(
-        "SHW001", f"not valid YAML: {problem}", span, secondary=labels, help=advice
+        "SHW001",
+        f"not valid YAML: {problem}",
+        span,
+        secondary=labels,
+        help=advice,
+        fix=fix,
     )
+
+
+def _commented(
+    lines: Sequence[str], begun: Mark, until: Mark
+) -> tuple[Mark, str] | None:
+    """Find the colour that is a comment and hides the end of a bracket.
+
+    Returns where it is, and how it is written.
+    """
+    # YAML breaks lines at signs that others do not: there may be fewer of them.
+    around = lines[begun.line - 1 : until.line]
+    if not around or around[0][begun.column - 1 : begun.column] not in {"{", "["}:
+        return None
+    for number, line in enumerate(around, start=begun.line):
+        found = _COLOUR_COMMENT.search(line)
+        if found is not None:
+            first, end = found.start(1) + 1, found.end(1) + 1
+            place = Mark(begun.path, number, first, number, end)
+            return place, f'"{found.group(1)}"'
+    return None
 
 
 def _in_brackets(

@@ -46,9 +46,11 @@ _INSTANTS = (40, 240)
 _WATCHED = 60_000
 """Places times instants that are looked at in a script, as long as each motion has
 its outermost places: a tenth of a second."""
-_PAIRED, _MOMENTS = 4_000, 12
+_PAIRED, _MOMENTS, _FEWEST = 4_000, 480, 12
 """Places times instants whose distances are looked at for each motion, for the same
-reason, and most instants."""
+reason; instants for all motions of a script, and for one at least."""
+_MOST = 48
+"""Most instants for one motion: a sixth of a second in a hold of eight seconds."""
 _ROUNDING = 1e-6
 """What counts as rounding: a share of limits and distances."""
 
@@ -87,7 +89,8 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
     if show is None or not any(one.motion for one in show.transitions):
         return
     settings = sketch.ordered()
-    share = _WATCHED // sum(bool(one.motion) for one in show.transitions)
+    motions = sum(bool(one.motion) for one in show.transitions)
+    share, moments = _WATCHED // motions, _MOMENTS // motions
     for index, time, whole in longest_holds(show):
         transition = show.transitions[index]
         if not transition.motion:
@@ -104,7 +107,7 @@ def motion_findings(sketch: Sketch) -> Iterator[Diagnostic]:
             )
             continue
         flown = _Flown(show, transition, time, whole=whole)
-        if found := flown.fault(share):
+        if found := flown.fault(share, min(max(moments, _FEWEST), _MOST)):
             yield Diagnostic(
                 "SHW217",
                 found.message,
@@ -220,15 +223,19 @@ class _Flown:
         count = most if not ramps else min(max(ceil(until / step), few), most)
         self.instants = np.linspace(0.0, until, count + 1)
 
-    def fault(self, share: int) -> _Fault | None:
-        """Say what cannot be, and what to do; None if nothing was found."""
+    def fault(self, share: int, moments: int) -> _Fault | None:
+        """Say what cannot be, and what to do; None if nothing was found.
+
+        Limits are looked at in a ``share`` of places times instants, distances at
+        ``moments`` of the hold at most.
+        """
         rows = self._outermost(max(share // self.instants.size, 0))
         states = self._states(rows, self.instants)
         return (
             self._beyond(rows, states)
             or self._unbalanced()
             or self._outside(rows, states)
-            or self._near()
+            or self._near(moments)
         )
 
     def _states(self, rows: IntArray, instants: FloatArray) -> FloatArray:
@@ -354,10 +361,10 @@ class _Flown:
             Spot(self.name, (place,)),
         )
 
-    def _near(self) -> _Fault | None:
+    def _near(self, moments: int) -> _Fault | None:
         """Places that the motion would bring nearer than the separation."""
         separation = self.show.separation
-        count = min(max(_PAIRED // len(self.points), 1), _MOMENTS)
+        count = min(max(_PAIRED // len(self.points), 1), moments)
         instants = np.linspace(0.0, float(self.instants[-1]), count + 2)[1:-1]
         places = self._states(np.arange(len(self.points)), instants)[0]
         limit = separation.distance * (1.0 - _ROUNDING)
