@@ -250,12 +250,11 @@ class _Flight:
             self._note()
         # From here on all are on their next legs, or rest.
         track.ways[steps + 1 :, some] = track.ways[steps, some]
-        for found, moment in (
-            (track.half_way, self.half_way),
-            (track.ended, self.ended),
-        ):
-            never = np.where(np.isinf(moment), most * STEP, moment)
-            found[some] = np.where(self.moves, never, 0.0)
+        ended = np.where(np.isinf(self.ended), most * STEP, self.ended)
+        # On a leg of a centimetre a drone may be past its middle before it begins.
+        middle = np.where(self.half_way < ended, self.half_way, 0.5 * ended)
+        for found, moment in ((track.half_way, middle), (track.ended, ended)):
+            found[some] = np.where(self.moves, moment, 0.0)
         return carried
 
     def _next(self, steps: int) -> int:

@@ -125,3 +125,25 @@ def test_a_drone_that_lands_on_the_way_of_another_is_caught(stays):
         return fields
 
     assert stays.caught(stays.alike(1, sooner)) == {"VRF417"}
+
+
+HARDLY = """\
+showc: 1
+drones: 8
+mission: {light_servos: [9, 10, 11]}
+pads: {type: line, length: 21}
+launch: {altitude: 8, hold: 1}
+formations:
+  row: {type: line, length: 23, direction: [1, 0.1234, 0], centre: [0, 3, 8]}
+  next: {like: row, transform: [{shift: [0, 0.003, 0]}], colour: blue}
+transitions:
+  - {to: row, hold: 4, assignment: fixed}
+  - {to: next, hold: 4, assignment: fixed}
+landing: {altitude: 8, hold: 2}
+"""
+
+
+def test_legs_shorter_than_what_missions_store_end_their_own_moves(tmp_path):
+    """Some drones stay, others fly the centimetre that they are rounded to."""
+    flight = formula_flight(build_itinerary(read_show(HARDLY.encode()).show))
+    assert Case(tmp_path, flight).failures() == set()

@@ -122,8 +122,11 @@ def _visits(places: FloatArray, stops: FloatArray) -> tuple[list[int], float]:
         fits = np.flatnonzero(ratio <= 1.0)
         if not fits.size:
             return found[1:], float(ratio.min(initial=np.inf))
-        found.append(found[-1] + int(fits[0]))
-        worst = max(worst, float(ratio[fits[0]]))
+        # Legs may be shorter than the resolution: of two that fit, the nearer is meant.
+        first = int(fits[0])
+        first += first + 1 in fits and off[first + 1].sum() < off[first].sum()
+        found.append(found[-1] + first)
+        worst = max(worst, float(ratio[first]))
     return found[1:], worst
 
 
