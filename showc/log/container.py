@@ -56,7 +56,7 @@ LARGEST_UNPACKED = 16 << 30
 LARGEST_MESSAGE, MORE_EACH = 1 << 24, 6_000
 """Size of a message from which a log is refused, and how much more for each channel
 [bytes]: a flight of 10,000 mesh intervals has less, and so have rules with the places
-of each drone in 250 formations. Decoded it may take seventy times as much."""
+of each drone in 250 formations. Decoded, it takes up to seventy times as much."""
 
 LARGEST_ATTACHED = 1 << 30
 """Size of all attachments together from which a log is refused [bytes]: the abort table

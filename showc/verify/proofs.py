@@ -58,11 +58,6 @@ def verify_log(
     script
         The script to hold the log against; None: the one attached to the log.
 
-    Returns
-    -------
-    Verification
-        What was proved, and what was not.
-
     Raises
     ------
     UsageError
@@ -91,9 +86,8 @@ def _proved(
     metadata = dict(log.metadata).get(METADATA_NAME)
     if metadata is None:
         raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
-    anchor = read_anchor(log, metadata, script)
-    show, asked = read_show(log), anchor.show
-    checks, lights = list(anchor.checks), None
+    anchor, asked, checks = read_anchor(log, metadata, script)
+    show, lights = read_show(log), None
     demands = None if asked is None else hold_against(asked, show)
     if asked is not None and demands is not None:
         lights = None if demands.rules else demands.lights
@@ -140,7 +134,7 @@ def _proved(
         checks.append(agreement("VRF410", [note]))
     if not missions:
         checks.append(_left_out(log))
-    facts = show.rules.name, show.drones, show.duration, anchor.said
+    facts = show.rules.name, show.drones, show.duration, anchor
     return Verification(str(log.path), *facts, tuple(checks))
 
 

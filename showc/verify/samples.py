@@ -68,7 +68,7 @@ _STEPS = np.array(list(sample.GRID.values()))
 """Of position, velocity, attitude, rates, thrust and torques."""
 
 _LARGEST = 256
-"""Bytes of each drone in a message: frames have half of it, points a quarter."""
+"""Bytes of each drone in a message from which it is not read: frames have 100."""
 
 _AT_ONCE = 4096
 """Places on polynomials that are evaluated together; bounds the memory."""

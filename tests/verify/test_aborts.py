@@ -41,7 +41,7 @@ def told(aborted, place, change):
     add(log, ABORT_NAME, content, digest_of(log))
     file = open_log(log)
     with file.reported():
-        script = read_anchor(file, dict(file.metadata)["showc"]).show
+        script = read_anchor(file, dict(file.metadata)["showc"])[1]
         proof = Aborts(file, read_show(file), script)
     rows, stated = proof.checks([part() for part in proof.parts()])
     return rows, {rows.code: rows.verdict != "fail"} | {
@@ -221,7 +221,7 @@ WORDS = {
 def test_words_that_no_table_has_are_found(aborted):
     file = open_log(aborted)
     with file.reported():
-        script = read_anchor(file, dict(file.metadata)["showc"]).show
+        script = read_anchor(file, dict(file.metadata)["showc"])[1]
         proof = Aborts(file, read_show(file), script)
     assert list(proof.strange()) == []
     true = pb.AbortTable.FromString(proof.table.SerializeToString())

@@ -63,10 +63,10 @@ def test_the_nearest_places_are_those_of_all_pairs(seed, shape, count, spread, l
         for a, b in combinations(range(count), 2)
     ]
     if not pairs:
-        assert found.distance == np.inf
+        assert found.upper == np.inf
         return
     least, a, b = min(pairs)
-    assert found.distance == pytest.approx(least, abs=1e-12)
+    assert found.upper == pytest.approx(least, abs=1e-12)
     assert found.pair == (a, b)
 
 

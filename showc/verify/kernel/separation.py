@@ -57,42 +57,30 @@ _HALVINGS = 20
 
 
 @dataclass(slots=True)
-class Nearest:
-    """The pair that can come nearest, of all that were looked at."""
+class Encounter:
+    """The closest two drones come, of all that were looked at."""
 
+    upper: float = np.inf
+    """Distance that is reached, in the separation's own measure; infinite if there is
+    none [m]."""
     pair: tuple[int, int] = (0, 0)
-    """Drones, counting from 0."""
+    """The pair that reaches it, counting from 0."""
     time: float = 0.0
     """When it does: show time, or on the missions' clock [s]."""
-    distance: float = np.inf
-    """In the separation's metric, at most the resolution above the least; infinite if
-    there is none [m]."""
+    lower: float = 0.0
+    """No pair comes nearer at any instant [m]."""
+    segment: str = ""
+    """Name of what is under way then."""
+    error: float = 0.0
+    """Rounding, of numbers and of times, that ``lower`` allows for [m]."""
 
     def take(self, pairs: IntArray, time: float, gaps: FloatArray) -> None:
         """Remember the nearest of encounters of pairs (n, 2), if it is nearer."""
         row = int(np.argmin(gaps)) if gaps.size else 0
-        if gaps.size and gaps[row] < self.distance:
+        if gaps.size and gaps[row] < self.upper:
             first, second = sorted(pairs[row].tolist())
             self.pair, self.time = (first, second), time
-            self.distance = float(gaps[row])
-
-
-@dataclass(frozen=True, slots=True)
-class Encounter:
-    """The closest two drones come, in the separation's own measure."""
-
-    lower: float
-    """No pair comes nearer at any instant [m]."""
-    upper: float
-    """Distance that is reached [m]."""
-    pair: tuple[int, int]
-    """The pair that reaches it, counting from 0."""
-    time: float
-    """Show time at which it does [s]."""
-    segment: str
-    """Name of what is under way then."""
-    error: float = 0.0
-    """Rounding, of numbers and of times, that ``lower`` allows for [m]."""
+            self.upper = float(gaps[row])
 
 
 def encounter_parts(show: LoggedShow) -> list[Callable[[], Encounter | None]]:
@@ -157,8 +145,7 @@ class _Search:
     def __init__(self, measure: slices.Measure, wanted: float) -> None:
         self.measure = measure
         self.wanted = wanted
-        self.best = Nearest()
-        self.error = 0.0
+        self.best = Encounter()
 
     def over(self, tracks: slices.Tracks, during: str) -> Encounter:
         """Search the tracks from their begin to their end."""
@@ -166,16 +153,17 @@ class _Search:
         positions = replace(tracks, position=np.ascontiguousarray(scaled))
         # Each drone of a pair, by rounding and by what it flies in a moment.
         rounding = GAMMA * float(max(scaled.max(initial=0.0), -scaled.min(initial=0.0)))
-        self.error = 2.0 * (rounding + slices.MOMENT * positions.speed)
+        self.best.error = 2.0 * (rounding + slices.MOMENT * positions.speed)
         self._start(positions.position[positions.first[:-1], 0], positions.begin)
-        reach = _FURTHEST * max(self.best.distance, self.wanted)
+        reach = _FURTHEST * max(self.best.upper, self.wanted)
         for low, high in slices.edges(tracks.begin, tracks.end, positions.speed, reach):
             self._slice(positions, low, high, _HALVINGS)
             if self._over:
                 break
         best = self.best
-        lower = max(best.distance - RESOLUTION - self.error, 0.0)
-        return Encounter(lower, best.distance, best.pair, best.time, during, self.error)
+        best.segment = during
+        best.lower = max(best.upper - RESOLUTION - best.error, 0.0)
+        return best
 
     def _start(self, place: FloatArray, time: float) -> None:
         """Take the closest pair of one instant: a start that makes pruning work.
@@ -190,7 +178,7 @@ class _Search:
             self.best.take(pairs, time, gaps)
 
         look(slices.neighbours(place))
-        reach = self.best.distance
+        reach = self.best.upper
         for cut in range(100):
             pairs = slices.near_pairs(place, reach * 0.8**cut, _CROWD * len(place))
             if pairs is not None:
@@ -203,13 +191,13 @@ class _Search:
         """Search a slice of time, in halves where drones stand in heaps."""
         piece = slices.take(positions, low, high, self.measure)
         most = _CROWD * positions.drones
-        pairs = piece.near(self.measure, self.best.distance - RESOLUTION / 2, most)
+        pairs = piece.near(self.measure, self.best.upper - RESOLUTION / 2, most)
         if pairs is not None:
             self._decide(positions, pairs, low, high)
             return
         if not halvings:
             # Drones without number are as near each other as any: nothing is proved.
-            self.error = np.inf
+            self.best.error = np.inf
         middle = 0.5 * (low + high)
         for begin, end in ((low, middle), (middle, high)):
             if not self._over:
@@ -218,7 +206,7 @@ class _Search:
     @property
     def _over(self) -> bool:
         """Whether nothing can come nearer, or nothing can be proved."""
-        return self.best.distance <= RESOLUTION or not np.isfinite(self.error)
+        return self.best.upper <= RESOLUTION or not np.isfinite(self.best.error)
 
     def _decide(
         self, positions: slices.Tracks, pairs: IntArray, low: float, high: float
@@ -245,14 +233,14 @@ class _Search:
         """
         if not self.measure.largest:
             work = square_sum(work)[:, :, None]
-        least_ = self.best.distance
+        least_ = self.best.upper
         found = least(work, self._lower, self._value, RESOLUTION / 2, least_)
         row = found.row
         time = float(begin[row] + found.fraction * (end[row] - begin[row]))
         self.best.take(drones.T[[row]], time, np.array([found.upper]))
         if not np.isfinite(found.lower):
             # Rounding is coarser than what is wanted: nothing is proved.
-            self.error = np.inf
+            self.best.error = np.inf
 
     def _lower(self, work: FloatArray) -> FloatArray:
         """Lower bounds of the distances on the intervals, shape (n,)."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Site
     from showc.script.show import Show
-    from showc.verify.kernel.separation import Nearest
+    from showc.verify.kernel.separation import Encounter
     from showc.verify.missions.legs import FleetLegs
     from showc.verify.specification.demands import Move
 
@@ -234,11 +234,11 @@ def _boundary(code: str, fleet: FleetLegs, spare: float, leg: int) -> Check:
     return checked(*facts, where=Place(int(fleet.owner[leg]) + 1), notes=(way, note))
 
 
-def _apart(code: str, found: Nearest, wanted: float) -> Check:
-    if found.distance == np.inf:
+def _apart(code: str, found: Encounter, wanted: float) -> Check:
+    if found.upper == np.inf:
         return checked(code, "pass", notes=("no two drones meet",))
     limit = wanted - CONSTANTS["rounding"] - 3.0 * separation.RESOLUTION
-    bound = found.distance - separation.RESOLUTION
+    bound = found.upper - separation.RESOLUTION
     less = f"{wanted:g} m less {wanted - limit:g} m"
     note = f"{less} of the format's rounding and of the proofs' resolution"
     pair, time = (found.pair[0] + 1, found.pair[1] + 1), found.time or None
@@ -248,7 +248,7 @@ def _apart(code: str, found: Nearest, wanted: float) -> Check:
 
 
 def _as_claimed(
-    nearest: Mapping[str, Nearest],
+    nearest: Mapping[str, Encounter],
     fleet: FleetLegs,
     show: LoggedShow,
     described: Mapping[str, Any],
@@ -296,7 +296,7 @@ def _as_claimed(
             ("launch", "VRF412", said["launch"]),
             ("land", "VRF413", said["land"]),
         ):
-            found = nearest[code].distance
+            found = nearest[code].upper
             near = np.inf if close is None else float(close["distance"])
             if near != found and not abs(near - found) <= CONSTANTS["agreement"]:
                 wrong.append(f"prediction.{key}: nearest are {near} m, not {found} m")

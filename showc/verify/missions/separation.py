@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.verify.kernel.bernstein import least
-from showc.verify.kernel.separation import Nearest
+from showc.verify.kernel.separation import Encounter
 from showc.verify.kernel.slices import Measure, Slice, edges, measures, neighbours
 from showc.verify.missions.law import CONSTANTS, Covered
 from showc.verify.missions.legs import UNTIMED, FleetLegs
@@ -83,7 +83,7 @@ class Stretch:
         late = flights.law_time(leg, time - self.release[drone]) - flights.spread[leg]
         return np.asarray(late < flights.duration[leg] + CONSTANTS["settling"])
 
-    def search(self, furthest: float, best: Nearest) -> None:
+    def search(self, furthest: float, best: Encounter) -> None:
         """Look at all pairs in slices, in which drones fly ``furthest`` [m] or less.
 
         The nearest encounter goes into ``best``. Few drones have few pairs to sort.
@@ -104,7 +104,7 @@ class Stretch:
                 self._decide(pairs.astype(np.int64), times, best)
                 found = []
 
-    def _candidates(self, low: float, high: float, best: Nearest) -> IntArray:
+    def _candidates(self, low: float, high: float, best: Encounter) -> IntArray:
         """Pairs (n, 2) of which a drone moves that may come nearer than the best."""
         everyone = np.arange(self.leg.size)
         times = np.full(everyone.size, low), np.full(everyone.size, high)
@@ -112,14 +112,14 @@ class Stretch:
         moving = self.measure(front - rear) > 0.0
         if not moving.any():
             return np.empty((0, 2), dtype=np.int64)
-        if best.distance == np.inf:
+        if best.upper == np.inf:
             start = neighbours(rear)
             start = start[np.any(moving[start], axis=1)]
             best.take(start, high, self._gap(start, np.full(len(start), high)))
-        pairs, _ = _near(rear, front, self.measure, best.distance)
+        pairs, _ = _near(rear, front, self.measure, best.upper)
         return np.asarray(pairs[np.any(moving[pairs], axis=1)])
 
-    def _decide(self, pairs: IntArray, times: FloatArray, best: Nearest) -> None:
+    def _decide(self, pairs: IntArray, times: FloatArray, best: Encounter) -> None:
         """Enclose the distances of pairs (n, 2) over times (n, 2) [s]."""
         number = np.repeat(np.arange(len(pairs)), 2).reshape(-1, 2)
         work = np.stack([number, times], axis=2)
@@ -131,7 +131,7 @@ class Stretch:
             chosen, (low, high) = pairs[some[:, 0, 0].astype(np.int64)], some[:, :, 1].T
             return self._bound(chosen, low, high)
 
-        found = least(work, bounded, reached, RESOLUTION, best.distance)
+        found = least(work, bounded, reached, RESOLUTION, best.upper)
         begin, end = times[found.row]
         time = float(begin + found.fraction * (end - begin))
         # Where the search gave up, nothing is known.
@@ -184,16 +184,18 @@ def stretches(fleet: FleetLegs, measure: Measure) -> Iterator[Stretch]:
         yield Stretch(fleet, measure, *drones, start, stop)
 
 
-def nearest_timed(fleet: FleetLegs, wanted: Separation) -> Nearest:
+def nearest_timed(fleet: FleetLegs, wanted: Separation) -> Encounter:
     """Return the nearest encounter of all timed legs."""
-    best = Nearest()
+    best = Encounter()
     for measure in measures(wanted):
         for stretch in stretches(fleet, measure):
             stretch.search(_FURTHEST * wanted.distance, best)
     return best
 
 
-def nearest_untimed(fleet: FleetLegs, wanted: Separation, *, landing: bool) -> Nearest:
+def nearest_untimed(
+    fleet: FleetLegs, wanted: Separation, *, landing: bool
+) -> Encounter:
     """Return the least distance of the drones' whole lines up, or down.
 
     Take-off and landing are not timed: any two places on the lines of two drones may be
@@ -201,7 +203,7 @@ def nearest_untimed(fleet: FleetLegs, wanted: Separation, *, landing: bool) -> N
     """
     first, last = fleet.first[:-1], fleet.first[1:] - 1
     legs = last if landing else np.column_stack([first, first + 1]).ravel()
-    owner, best = fleet.owner[legs], Nearest()
+    owner, best = fleet.owner[legs], Encounter()
     for measure in measures(wanted):
         begin, end = (measure.space(some[legs]) for some in (fleet.begin, fleet.end))
         pairs = neighbours(begin)
@@ -210,13 +212,13 @@ def nearest_untimed(fleet: FleetLegs, wanted: Separation, *, landing: bool) -> N
         for _ in range(2):
             apart = owner[pairs[:, 0]] != owner[pairs[:, 1]]
             best.take(owner[pairs[apart]], 0.0, gap[apart])
-            pairs, gap = _near(begin, end, measure, best.distance)
+            pairs, gap = _near(begin, end, measure, best.upper)
     return best
 
 
-def nearest_landing(fleet: FleetLegs, wanted: Separation) -> Nearest:
+def nearest_landing(fleet: FleetLegs, wanted: Separation) -> Encounter:
     """Return how near landings come to what other drones then have still to fly."""
-    flights, lag, best = fleet.profiles, CONSTANTS["clock_lag"], Nearest()
+    flights, lag, best = fleet.profiles, CONSTANTS["clock_lag"], Encounter()
     over, leaves = fleet.release + flights.followed(flights.spread) + lag, fleet.leaves
     land, last = fleet.first[1:] - 1, over[fleet.timed].max(initial=-np.inf)
     for drone, own in enumerate(land.tolist()) if leaves[land].min() < last else ():

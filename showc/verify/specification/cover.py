@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -41,24 +40,14 @@ _LIBRARIES = "casadi", "mcap", "numpy", "protobuf", "scipy", "zstandard"
 _RELEASE = re.compile(r"\d[\w.+-]{0,40}")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Anchor:
-    """What is trusted: everything else is compared with it."""
-
-    said: str
-    """Name of the script without its folder, its hash, and where it came from."""
-    show: Show | None
-    """What it asks for; None if it cannot be read."""
-    checks: tuple[Check, ...]
-    """Whether it could be read, and is the one that the log carries."""
-
-
 def read_anchor(
     log: LogFile, metadata: Mapping[str, str], script: Path | None = None
-) -> Anchor:
-    """Read the script with all files that it names.
+) -> tuple[str, Show | None, list[Check]]:
+    """Read the script with all files that it names: everything is compared with it.
 
-    It is ``script``, or the attachment that the log's metadata name.
+    It is ``script``, or the attachment that the log's metadata name. Returned are its
+    name without its folder, with its hash and where it came from; what it asks for,
+    None if it cannot be read; and whether it could be, and is the one in the log.
 
     Raises
     ------
@@ -97,7 +86,7 @@ def read_anchor(
     digest = facts.sha256(text) if text else "none"
     shown = PurePath(name if script is None else script).name
     said = f"script “{shown}”, sha256 {digest}: {source}"
-    return Anchor(said, result.show, tuple(checks))
+    return said, result.show, checks
 
 
 def check_cover(
