@@ -83,4 +83,21 @@ def test_letters_without_height_are_answered():
     (word,) = [
         one for one in read_show(text.encode()).diagnostics if one.code == "SHW216"
     ]
-    assert "letters are 0 m high" in word.message and word.help.startswith("use more")
+    assert "letters are 0 m high" in word.message and word.help.startswith("use 11 drones")
+
+
+@pytest.mark.parametrize(
+    ("text", "draw"),
+    [("HELLO", "centreline"), ("WELCOME", "centreline"), ("ABC", "inside")],
+)
+def test_as_many_drones_as_a_message_names_can_be_read(text, draw):
+    def said(drones):
+        word = f"{{type: text, text: {text}, height: 20, draw: {draw}}}"
+        script = f"showc: 1\ndrones: {drones}\nformations: {{word: {word}}}\n"
+        result = read_show(f"{script}transitions: [word]\n".encode())
+        return [one.help for one in result.diagnostics if one.code == "SHW216"]
+
+    (advice,) = said(9)
+    needed = int(advice.split()[1])
+    assert said(needed) == []
+    assert said(needed // 2) != []

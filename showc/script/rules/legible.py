@@ -15,7 +15,6 @@ from showc.script.diagnostic import Diagnostic, Severity, Spot
 from showc.script.formations.shape import PLANES
 from showc.script.language.settings import Settings
 from showc.script.language.wording import number_text
-from showc.script.sections.gallery import MAX_PLACES
 from showc.script.sections.placing import transform
 
 if TYPE_CHECKING:
@@ -31,9 +30,9 @@ coarsest letters of dots that people read are 3 wide and 5 high, which is four t
 places along strokes lie on no grid, so that a little less does."""
 
 
-_SURE = 1.05
-"""How many more places along strokes are advised than seem enough: more of them also
-fill corners and crossings."""
+_TRIES, _MOST = 8, 3.0
+"""How often a text is drawn again with more places, and how many times as many at once:
+more of them also fill corners and crossings."""
 _ROOM = 2.0
 """Distance of neighbours in a text that is advised, as a multiple of the separation:
 where strokes meet, places are half as far apart as elsewhere, or a little less."""
@@ -81,23 +80,15 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
         if "text" not in own:
             continue
         points = formation.points
-        apart = float(np.median(_neighbours(points)))
-        lines = own.text("text").count("\n") + 1
-        # As drawn; a transform that scales it scales both.
-        extent = float(np.max(np.ptp(points, axis=0)[1:]))
-        stem = extent / lines
+        stem, apart = _letters(points, own)
         if stem >= STEM * apart:
             continue
-        # Along strokes the number grows with the length, over areas with its square.
-        power = 2.0 if own.text("draw") == "inside" else 1.0
-        # Places in a level row have letters without height.
-        share = (_SURE * STEM * apart / max(stem, 1e-6)) ** power
-        needed = int(np.ceil(len(points) * share))
-        enough = f"about {needed} drones" if needed <= MAX_PLACES else "more drones"
+        needed, read = _enough(sketch, own, points)
+        enough = f"{needed} drones" if needed else "more drones"
         wanted = STEM * _ROOM * (sketch.separation.distance if sketch.separation else 0)
-        if wanted > stem > 0.0:
+        if wanted > read > 0.0:
             # That number of places keeps apart only in letters that are larger.
-            larger = np.ceil(own.number("height") * wanted / stem)
+            larger = np.ceil(own.number("height") * wanted / read)
             enough += f" and `height: {number_text(float(larger))}`"
         yield Diagnostic(
             "SHW216",
@@ -110,6 +101,38 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
             spot=Spot(name, ()),
             severity=Severity.WARNING,
         )
+
+
+def _letters(points: FloatArray, own: Settings) -> tuple[float, float]:
+    """Height of a text's letters, and how far apart its places are [m].
+
+    As drawn; a transform that scales it scales both.
+    """
+    lines = own.text("text").count("\n") + 1
+    extent = float(np.max(np.ptp(points, axis=0)[1:]))
+    return extent / lines, float(np.median(_neighbours(points)))
+
+
+def _enough(sketch: Sketch, own: Settings, points: FloatArray) -> tuple[int, float]:
+    """Return how many places make a text legible, and the height of its letters [m].
+
+    It is drawn with more of them until it is; 0: not found.
+    """
+    # Along strokes the number grows with the length, over areas with its square.
+    power = 2.0 if own.text("draw") == "inside" else 1.0
+    stem, apart = _letters(points, own)
+    for _ in range(_TRIES):
+        # Places in a level row have letters without height.
+        share = (STEM * apart / max(stem, 1e-6)) ** power
+        count = max(int(np.ceil(len(points) * min(share, _MOST))), len(points) + 1)
+        more = sketch.redrawn(own, count)
+        if more is None:
+            break
+        points = more
+        stem, apart = _letters(points, own)
+        if stem >= STEM * apart:
+            return count, stem
+    return 0, stem
 
 
 _ASKED = 200

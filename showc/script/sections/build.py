@@ -48,8 +48,9 @@ from showc.script.show import (
 from showc.vehicle import Separation
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
+    from showc.arrays import FloatArray
     from showc.script.files import InputFiles
     from showc.script.language.reader import Reader
     from showc.script.language.settings import Setting
@@ -74,6 +75,8 @@ class Sketch:
     groups: Mapping[str, tuple[int, ...]]
     pads: str
     parking: str | None
+    redrawn: Callable[[Settings, int], FloatArray | None]
+    """Places of a formation if it had another number of them; None: impossible."""
 
     def written(self, *marks: Mark) -> bool:
         """Tell whether the script has a text at each of these places of its own."""
@@ -180,7 +183,7 @@ class Builder:
         pads = self.pads or "pads"
         sketch = Sketch(
             settings, None, separation, formations, site, drones, groups, pads,
-            self.parking,
+            self.parking, gallery.redrawn,
         )  # fmt: skip
         show = self._show(sketch, source)
         return replace(sketch, show=show)

@@ -233,6 +233,17 @@ class Gallery:
         self._drawn[name] = picture
         return picture
 
+    def redrawn(self, settings: Settings, count: int) -> FloatArray | None:
+        """Places of a formation if it had ``count``, (count, 3) [m]; None: impossible.
+
+        What is wrong with them is not reported.
+        """
+        try:
+            picture = self._drawing(settings, count, self._bench.floor)
+        except ScriptError:
+            return None
+        return None if picture is None else picture.points
+
     def own_count_inside(self, settings: Settings) -> int | None:
         """Return the count of settings at hand; None also when a file is unreadable."""
         try:
