@@ -83,7 +83,9 @@ def test_letters_without_height_are_answered():
     (word,) = [
         one for one in read_show(text.encode()).diagnostics if one.code == "SHW216"
     ]
-    assert "letters are 0 m high" in word.message and word.help.startswith("use 11 drones")
+    assert "letters are 0 m high" in word.message and word.help.startswith(
+        "use 11 drones"
+    )
 
 
 @pytest.mark.parametrize(
