@@ -83,14 +83,13 @@ def test_letters_without_height_are_answered():
     (word,) = [
         one for one in read_show(text.encode()).diagnostics if one.code == "SHW216"
     ]
-    assert "letters are 0 m high" in word.message and word.help.startswith(
-        "use 11 drones"
-    )
+    assert "letters are 0 m high" in word.message
+    assert word.help.startswith("use 11 drones")
 
 
 @pytest.mark.parametrize(
     ("text", "draw"),
-    [("HELLO", "centreline"), ("WELCOME", "centreline"), ("ABC", "inside")],
+    [("HELLO", "centreline"), ("WELCOME", "outline"), ("ABC", "inside")],
 )
 def test_as_many_drones_as_a_message_names_can_be_read(text, draw):
     def said(drones):
@@ -103,3 +102,12 @@ def test_as_many_drones_as_a_message_names_can_be_read(text, draw):
     needed = int(advice.split()[1])
     assert said(needed) == []
     assert said(needed // 2) != []
+
+
+def test_outlines_whose_sides_are_nearer_than_their_places_cannot_be_read():
+    word = "{type: text, text: WELCOME, height: 40, draw: outline}"
+    script = (
+        f"showc: 1\ndrones: 40\nformations: {{word: {word}}}\ntransitions: [word]\n"
+    )
+    codes = {one.code for one in read_show(script.encode()).diagnostics}
+    assert "SHW216" in codes

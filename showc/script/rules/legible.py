@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from showc.script.sections.build import Sketch
     from showc.script.show import Formation
 
-STEM = 3.5
-"""Least height of a letter as a multiple of the distance of neighbouring places: the
-coarsest letters of dots that people read are 3 wide and 5 high, which is four times;
-places along strokes lie on no grid, so that a little less does."""
+STEM = {"centreline": 3.5, "outline": 3.5, "inside": 5.0}
+"""Least height of a letter as a multiple of the distance of neighbouring places, by how
+it is drawn: the coarsest letters of dots that people read are 3 wide and 5 high, which
+is four times; places along strokes lie on no grid, so that a little less does. Places
+inside of strokes lie now on one side, now on the other: pictures of words were looked
+at, and the first that could be read had five times."""
 
 
 _TRIES, _MOST = 8, 3.0
@@ -79,13 +81,15 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
     for name, own, formation in _drawn(sketch):
         if "text" not in own:
             continue
-        points = formation.points
+        points, least = formation.points, STEM[own.text("draw")]
         stem, apart = _letters(points, own)
-        if stem >= STEM * apart:
+        if stem >= least * apart:
             continue
         needed, read = _enough(sketch, own, points)
         enough = f"{needed} drones" if needed else "more drones"
-        wanted = STEM * _ROOM * (sketch.separation.distance if sketch.separation else 0)
+        wanted = (
+            least * _ROOM * (sketch.separation.distance if sketch.separation else 0)
+        )
         if wanted > read > 0.0:
             # That number of places keeps apart only in letters that are larger.
             larger = np.ceil(own.number("height") * wanted / read)
@@ -106,11 +110,15 @@ def _coarse(sketch: Sketch) -> Iterator[Diagnostic]:
 def _letters(points: FloatArray, own: Settings) -> tuple[float, float]:
     """Height of a text's letters, and how far apart its places are [m].
 
-    As drawn; a transform that scales it scales both.
+    As drawn; a transform that scales it scales both. Along outlines, the next place is
+    not the nearest where the other side of the stroke is nearer.
     """
     lines = own.text("text").count("\n") + 1
     extent = float(np.max(np.ptp(points, axis=0)[1:]))
-    return extent / lines, float(np.median(_neighbours(points)))
+    follows = own.text("draw") == "outline"
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    apart = steps if follows else _neighbours(points)
+    return extent / lines, float(np.median(apart))
 
 
 def _enough(sketch: Sketch, own: Settings, points: FloatArray) -> tuple[int, float]:
@@ -120,17 +128,18 @@ def _enough(sketch: Sketch, own: Settings, points: FloatArray) -> tuple[int, flo
     """
     # Along strokes the number grows with the length, over areas with its square.
     power = 2.0 if own.text("draw") == "inside" else 1.0
+    least = STEM[own.text("draw")]
     stem, apart = _letters(points, own)
     for _ in range(_TRIES):
         # Places in a level row have letters without height.
-        share = (STEM * apart / max(stem, 1e-6)) ** power
+        share = (least * apart / max(stem, 1e-6)) ** power
         count = max(int(np.ceil(len(points) * min(share, _MOST))), len(points) + 1)
         more = sketch.redrawn(own, count)
         if more is None:
             break
         points = more
         stem, apart = _letters(points, own)
-        if stem >= STEM * apart:
+        if stem >= least * apart:
             return count, stem
     return 0, stem
 
