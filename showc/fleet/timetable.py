@@ -80,19 +80,41 @@ def scheduled(
 
 
 def settled(itinerary: Itinerary) -> Itinerary:
-    """Give moves into a motion the time that they prefer where nothing else says it.
+    """Give moves beside a motion the times that nothing else says.
 
-    Where the motion is held until a given time, how fast it is depends on its arrival.
+    Where a motion is held until a given time, how fast it is met depends on that
+    arrival: the move takes the time that it prefers. Groups that are left in motion are
+    put where they are when all groups have arrived.
     """
-    legs = list(itinerary.legs)
+    legs, show = list(itinerary.legs), itinerary.show
     for before, motion, after in zip(legs, legs[1:], legs[2:], strict=False):
         met = any(one.paced for one in motion.motion)
         if met and after.timed and before.open and not isinstance(before.prefer, str):
-            show, held = itinerary.show, max(motion.duration or 0.0, _HELD)
+            held = max(motion.duration or 0.0, _HELD)
             state = state_at(show, motion.motion, held, 0, before.goal)
             time = preferred_time(replace(before, goal_state=state), show, math.inf)
             legs[before.index] = replace(before, duration=time)
-    return replace(itinerary, legs=tuple(legs))
+    shifts: Shifts = {}
+    for index, planned in enumerate(itinerary.legs):
+        if shifts:
+            legs[index], show = _shifted(legs[index], shifts, show)
+        if planned.parts and planned.goal_state is not None and _waits(planned):
+            ended = _lanes(legs[index], show, 0.0, legs[:index])
+            both = enumerate(zip(planned.goal, ended.goal, strict=True))
+            shifts |= {row: one for row, one in both if not np.array_equal(*one)}
+            left = replace(planned, goal=ended.goal, goal_state=ended.goal_state)
+            legs[index] = left
+            legs[index + 1], show = _left(left, legs[index + 1], show)
+    return replace(itinerary, legs=tuple(legs), show=show)
+
+
+def _waits(leg: Leg) -> bool:
+    """Tell whether groups are held until others arrive at times that are not given."""
+    return any(
+        one.arrive is None and None in {one.depart, one.duration}
+        for one in leg.parts
+        if not one.motion
+    )
 
 
 _HELD = 20.0
@@ -381,7 +403,12 @@ def _lengthen_lanes(
     """
     last = legs[-1]
     ends = (last.depart or 0.0) + (last.duration or 0.0) + wait
-    legs[-1] = last = _lanes(last, show, 0.0, legs[:-1], round(ends, 3))
+    legs[-1] = _lanes(last, show, 0.0, legs[:-1], round(ends, 3))
+    return _left(legs[-1], leg, show)
+
+
+def _left(last: Leg, leg: Leg, show: Show) -> tuple[Leg, Show]:
+    """Let drones leave groups' motions from where and how fast these are."""
     standing = replace(show.formations[last.to_formation], points=last.goal)
     formations = {**show.formations, last.to_formation: standing}
     return (

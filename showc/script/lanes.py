@@ -78,12 +78,13 @@ def chapters(show: Show) -> list[list[int]]:
 def _tied(both: Sequence[Transition], first: int) -> bool:
     """Tell whether a group leaves the ``first`` of two chapters' transitions in motion.
 
-    Only where one of them has times of its own, and the script fixes all of them.
+    Only where one of them has times of its own, and the script says of all when they
+    fly.
     """
     parts = both[:first], both[first:]
     return (
         None not in {one.group for one in both}
-        and known(both)
+        and all(one.timed for one in both)
         and left_moving(parts[0])
         and any(own_times(part) for part in parts)
     )

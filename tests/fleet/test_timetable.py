@@ -220,3 +220,41 @@ def test_drones_of_no_group_stand_where_a_longer_motion_has_left_them():
     points = made.show.formations[leg.to_formation].points
     assert np.array_equal(points[leg.places], leg.goal)
     assert np.array_equal(np.sort(last.goal[:, 0]), [-7.5, -2.5, 2.5, 7.5])
+
+
+@pytest.mark.parametrize(
+    "after", ["", "{to: row}", "{to: row, duration: 9}", "{to: row, at: 60}"]
+)
+def test_groups_are_left_in_motion_as_they_are_when_the_last_has_arrived(after):
+    """When that is, is known with the time that its move prefers."""
+    made = joined(
+        f"""\
+showc: 1
+drones: 4
+pads: {{type: line, spacing: 5}}
+groups: {{a: 1-2, b: 3-4}}
+formations:
+  pair: {{type: points, points: [[-12, 0, 14], [-8, 0, 14]]}}
+  other: {{type: points, points: [[8, 0, 14], [12, 0, 14]]}}
+  row: {{type: line, length: 15, centre: [0, 9, 14]}}
+transitions:
+  - {{to: pair, group: a, start: 10, hold: 6, motion: [{{rotate: 270}}], leave: moving}}
+  - {{to: other, group: b, start: 12, hold: 9}}
+{f"  - {after}" * bool(after)}
+"""
+    )
+    at = next(index for index, leg in enumerate(made.legs) if leg.parts)
+    groups, leg = made.legs[at : at + 2]
+    held, other = groups.parts[1], groups.parts[2]
+    arrives = round(other.depart + other.duration, 3)
+    leaves = held.depart + held.duration
+    if "at:" in after:
+        assert leaves == pytest.approx(60.0 - leg.duration)
+    else:
+        assert leaves == pytest.approx(arrives + 9.0)
+    place, speed, _, _ = held.motion[0].ends(held.duration)[1]
+    assert np.linalg.norm(speed, axis=1).min() > 0.1
+    assert np.allclose(groups.goal[:2], place)
+    assert np.array_equal(leg.start, groups.goal)
+    assert np.array_equal(leg.start_state, groups.goal_state)
+    assert np.allclose(leg.start_state[:2, 3:6], speed)

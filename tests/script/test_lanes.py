@@ -117,11 +117,27 @@ def test_a_fleet_that_takes_over_a_group_as_quickly_as_it_can_is_found():
     assert not read(MOVING, B.replace("14", "12"), over).errors
 
 
-def test_a_motion_that_is_left_when_another_arrives_at_no_known_time_is_found():
-    found = fault(MOVING + ", leave: moving", "to: far, group: b, start: 12")
+def test_a_motion_that_is_left_when_another_flies_at_no_known_time_is_found():
+    text = SCRIPT.replace("a: 1-2, b: 4-5", "a: 1-2, b: 4, c: 5")
+    text = text.replace(
+        "far: {{type: points, points: [[8, 30, 10], ", "far: {{type: points, points: ["
+    )
+    text = text.replace(
+        "formations:", "formations:\n  near: {{type: points, points: [[9, 0, 16]]}}"
+    )
+    lines = [
+        MOVING + ", leave: moving",
+        "to: far, group: b",
+        "to: near, group: c, at: 30",
+    ]
+    written = "\n".join(f"  - {{{one}}}" for one in lines)
+    (found,) = read_show(text.format(transitions=written).encode()).errors
     assert found.code == "SHW213"
-    assert "`launch -> far` has no time of arrival" in found.message
-    assert "`duration`" in found.help
+    assert "`launch -> far` has no time, and a group stays in motion" in found.message
+    assert found.help == "give it `start` or `at`"
+    # That it does not say when it arrives is no fault.
+    late = written.replace("group: b", "group: b, start: 12")
+    assert not read_show(text.format(transitions=late).encode()).errors
 
 
 def test_a_group_cannot_leave_while_it_is_held():
@@ -204,6 +220,9 @@ def test_groups_with_own_times_fly_with_one_that_is_left_in_motion():
     leaves = f"to: up, group: a, {LEAVES}, start: 12"
     away = "to: down, group: a, start: 40, at: 52"
     assert together(leaves, away, LATER) == ([[0, 1, 2]], [True])
+    # When one arrives may be open.
+    later = LATER.replace("at: 60, duration: 14", "start: 46")
+    assert together(leaves, away, later) == ([[0, 1, 2]], [True])
     # Without times of its own it stays a chapter by itself.
     assert together(leaves, away) == ([[0], [1]], [False, False])
 

@@ -220,16 +220,16 @@ def _lane_fault(
 ) -> Diagnostic | None:
     """Say which transition of a group with times of its own cannot be (SHW213)."""
     together = [show.transitions[index] for index in members]
-    if left_moving(together):
-        for row, one in enumerate(together):
-            if arrival(one) is None:
-                return Diagnostic(
-                    "SHW213",
-                    f"`{one.name}` has no time of arrival, and another group stays in "
-                    "motion until all have arrived",
-                    asked[row].mark,
-                    help="give it `at`, or both `start` and `duration`",
-                )
+    for lane in lanes(together) if left_moving(together) else ():
+        one = together[lane[0]]
+        if not one.timed:
+            return Diagnostic(
+                "SHW213",
+                f"`{one.name}` has no time, and a group stays in motion until all have "
+                "arrived",
+                asked[lane[0]].mark,
+                help="give it `start` or `at`",
+            )
     for lane in lanes(together):
         free, why = earliest, before
         for row in lane:
