@@ -49,6 +49,7 @@ def command(
     from showc.cli.compile import report
     from showc.cli.console import columns
     from showc.files import write_file
+    from showc.fleet.itinerary import check_places
     from showc.fleet.options import SolveOptions
     from showc.mission.feasibility import mission_outlook
     from showc.pipeline.outlook import cue_sheet, outlook
@@ -60,6 +61,7 @@ def command(
         report(result, as_json=as_json)
         return result.exit_code(strict=False) or 1
     itinerary = build_itinerary(result.show)
+    check_places(itinerary)
     legs = outlook(itinerary, SolveOptions(cache=cache_dir))
     if labels is not None:
         music = result.show.music

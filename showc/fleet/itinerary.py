@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ from showc.fleet.execution.checkpoints import Checkpointing
 from showc.fleet.execution.journal import Journal, journals
 from showc.fleet.execution.pool import InProcess, workers
 from showc.fleet.lanes import put_together
-from showc.fleet.leg import place, solve_leg
+from showc.fleet.leg import check_ends, place, solve_leg
 from showc.fleet.proof import flaw
 from showc.fleet.timetable import settled, timetable
 from showc.flight import Flight, LegFlight
@@ -69,6 +70,7 @@ def solve_itinerary(
             "reaches it can run code on its workers and change their results; see "
             "security.md"
         )
+    check_places(itinerary)
     with workers(options.jobs, options.cluster) as pool:
         found: dict[str, LegFlight] = {}
         if any(leg.timed for leg in itinerary.legs):
@@ -102,6 +104,22 @@ def solve_itinerary(
             for leg in itinerary.legs
         )
     return Flight(itinerary, flights, _starts(flights))
+
+
+def check_places(itinerary: Itinerary) -> None:
+    """Refuse places where drones cannot stand, before anything is solved.
+
+    Up to the first motion that is met or left under way: where drones are from there on
+    depends on times that are not known yet.
+
+    Raises
+    ------
+    SolveError
+        If two drones stand too near, or one outside the volume or the fence.
+    """
+    for leg in takewhile(lambda one: not one.in_motion, itinerary.legs):
+        if leg.kind != "hold":
+            check_ends(leg, itinerary.show)
 
 
 def _solved(

@@ -119,7 +119,7 @@ class _Solver:
     def solve(self) -> LegFlight:
         """Go through the stages."""
         leg = self.leg
-        self._check_ends()
+        check_ends(leg, self.show)
         if leg.motion:
             return self._moving()
         self._check_order()
@@ -391,45 +391,6 @@ class _Solver:
             "passing_other": float(pair[1] + 1),
         }
 
-    def _check_ends(self) -> None:
-        """Refuse formations that break the separation or the flight volume."""
-        leg, limits = self.leg, self.leg.limits
-        ends = [(leg.start, leg.from_formation), (leg.goal, leg.to_formation)]
-        if np.array_equal(leg.start, leg.goal):
-            del ends[1]
-        for points, formation in ends:
-            low, high = points - limits.position_min, limits.position_max - points
-            outside = (np.minimum(low, high) < -STILL).any(axis=1)
-            if outside.any():
-                drone = int(leg.drones[int(np.argmax(outside))])
-                x, y, z = points[int(np.argmax(outside))]
-                raise SolveError(
-                    f"{self.where}: drone {drone + 1} at ({x:.2f}, {y:.2f}, {z:.2f}) m "
-                    f"in {formation!r} is outside the flight volume; move the "
-                    "formation or widen the volume"
-                )
-            if self.fence is not None and not self.fence.keeps(points[:, :2]).all():
-                clearance = self.fence.clearance(points[:, :2])
-                drone = int(leg.drones[int(np.argmin(clearance))])
-                raise SolveError(
-                    f"{self.where}: drone {drone + 1} in {formation!r} is "
-                    f"{clearance.min():.2f} m within the fence; the margin is "
-                    f"{self.fence.margin:.2f} m; move the formation or the fence"
-                )
-            parked = leg.others_parked
-            found = standing(
-                points if parked is None else np.vstack([points, parked]),
-                len(points),
-                self.separation,
-                self.separation.distance - TOLERANCE,
-            )
-            if len(found):
-                raise SolveError(
-                    f"{self.where}: {self._pair(found)} stand "
-                    f"{found.distance[0]:.3f} m apart in {formation!r}, the separation "
-                    f"is {self.separation.distance:.3f} m; spread the formation"
-                )
-
     def _check_order(self) -> None:
         """Refuse what no flight can do: change order with all axes kept apart."""
         leg = self.leg
@@ -449,6 +410,63 @@ class _Solver:
 
     def _pair(self, found: Encounters) -> str:
         return pair_names(self.leg, int(found.first[0]), int(found.second[0]))
+
+
+def check_ends(leg: Leg, show: Show) -> None:
+    """Refuse places that break the separation, the flight volume or the fence.
+
+    Raises
+    ------
+    SolveError
+        Naming the drone or the pair, where they stand, and what to do.
+    """
+    limits, separation = leg.limits, show.separation
+    fence = Fence.of(show.site)
+    ends = [(leg.start, leg.from_formation), (leg.goal, leg.to_formation)]
+    if np.array_equal(leg.start, leg.goal):
+        del ends[1]
+    for points, formation in ends:
+        low, high = points - limits.position_min, limits.position_max - points
+        outside = (np.minimum(low, high) < -STILL).any(axis=1)
+        if outside.any():
+            drone = int(leg.drones[int(np.argmax(outside))])
+            x, y, z = points[int(np.argmax(outside))]
+            raise SolveError(
+                f"{place(leg)}: drone {drone + 1} at ({x:.2f}, {y:.2f}, {z:.2f}) m "
+                f"in {formation!r} is outside the flight volume; move the "
+                "formation or widen the volume"
+            )
+        if fence is not None and not fence.keeps(points[:, :2]).all():
+            clearance = fence.clearance(points[:, :2])
+            drone = int(leg.drones[int(np.argmin(clearance))])
+            raise SolveError(
+                f"{place(leg)}: drone {drone + 1} in {formation!r} is "
+                f"{clearance.min():.2f} m within the fence; the margin is "
+                f"{fence.margin:.2f} m; move the formation or the fence"
+            )
+        parked = leg.others_parked
+        found = standing(
+            points if parked is None else np.vstack([points, parked]),
+            len(points),
+            separation,
+            separation.distance - TOLERANCE,
+        )
+        if len(found):
+            first, second = int(found.first[0]), int(found.second[0])
+            stays = np.ones(len(points) + (0 if parked is None else len(parked)), bool)
+            stays[: len(points)] = (leg.start == leg.goal).all(axis=1)
+            waits = first if stays[first] else second
+            advice = "spread the formation"
+            if stays[first] != stays[second]:
+                name = pair_names(leg, first, second).split(" and ")[waits == second]
+                advice = (
+                    f"{name} waits there: move the formation away, or move it first"
+                )
+            raise SolveError(
+                f"{place(leg)}: {pair_names(leg, first, second)} stand "
+                f"{found.distance[0]:.3f} m apart in {formation!r}, the separation "
+                f"is {separation.distance:.3f} m; {advice}"
+            )
 
 
 def nearest_pair(

@@ -55,3 +55,28 @@ def test_diff_says_what_differs(run_showc, compiled):
     assert {"what": "name", "before": "Grid shift", "after": "Antipodal swap"} in found[
         "differences"
     ]
+
+
+def test_a_drone_that_waits_where_a_group_flies_is_found_before_anything_is_solved(
+    run_showc, tmp_path
+):
+    """Where it waits, the planner decides."""
+    script = tmp_path / "waits.yaml"
+    script.write_text(
+        """\
+showc: 1
+drones: 4
+groups: {left: 1-2}
+formations:
+  row: {type: line, length: 9, centre: [0, 0, 20]}
+  beside: {type: line, count: 2, length: 6, centre: [-1.5, 0.9, 20]}
+transitions: [row, {to: beside, group: left}]
+"""
+    )
+    said = "waits there: move the formation away, or move it first"
+    for command in ("plan", "compile"):
+        run = run_showc(command, script)
+        assert run.code == 1
+        assert said in run.err
+        assert "waits.yaml:7:25: row -> beside: drone" in run.err
+        assert "solving" not in run.err
