@@ -78,11 +78,11 @@ def dance():
         time = 0.125 * frame
         bend = 0.5 - 0.5 * np.cos(np.pi * min(time / 8.0, 1.0))
         for place in range(12):
-            turn = 2.0 * np.pi * (place / 12.0 + time / 30.0)
-            x = 14.0 * np.cos(turn)
-            z = 24.0 + 7.0 * ((1.0 - bend) * np.sin(turn) + bend * np.sin(2.0 * turn))
+            turn = 2.0 * np.pi * (place / 12.0 + time / 40.0)
+            x = 20.0 * np.cos(turn)
+            z = 24.0 + 10.0 * ((1.0 - bend) * np.sin(turn) + bend * np.sin(2.0 * turn))
             rows.append(
-                f"{time:.3f},{place + 1},{x:.3f},{4 * bend * np.sin(turn):.3f},{z:.3f}"
+                f"{time:.3f},{place + 1},{x:.3f},{6 * bend * np.sin(turn):.3f},{z:.3f}"
             )
     return "\n".join(rows).encode()
 
