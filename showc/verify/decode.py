@@ -51,7 +51,7 @@ FORMAT_VERSION = 1
 CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")
 """Sizes from which something is refused."""
 
-TOPIC = re.compile(r"/drone/(\d+)/trajectory")
+TOPIC = re.compile(r"/drone/(\d{4,5})/trajectory")
 
 
 def check_schemas(log: LogFile) -> Check:

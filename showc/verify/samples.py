@@ -209,9 +209,8 @@ class Samples:
         others = {SEGMENTS, *(f"/drone/{n:04d}/trajectory" for n in drones)}
         topics, steps = Compared(), Compared()
         names = [channel.topic for channel in self.log.channels.values()]
-        there, asked = (
-            dict.fromkeys(some - {PREDICTED}) for some in ({*names}, others | {*wanted})
-        )
+        both = {*names}, others | {*wanted}
+        there, asked = (dict.fromkeys(some - {PREDICTED}) for some in both)
         topics.odd += unlike(there, asked, "topics")
         if len(set(names)) != len(names):
             topics.odd.append("a topic has two channels")
@@ -226,8 +225,9 @@ class Samples:
         """Check the times at which the predicted fleet is drawn, and until when."""
         layout, drawn = Compared(), Compared()
         times = self.log.times(self.topics.get(PREDICTED, -1)) - self.show.epoch
-        end = float(times[-1]) * 1e-9 if times.size else 0.0
-        steps = sample.sample_times(end, self.show.rules.log_rate)[:-1]
+        end, rate = 1e-9 * float(times.max(initial=0)), self.show.rules.log_rate
+        # However late the last one is, there are no more steps than samples.
+        steps = sample.sample_times(min(end, times.size / rate), rate)[:-1]
         if not np.array_equal(times[:-1], steps):
             layout.odd.append("its samples are not at the steps of the log rate")
         if self.tubes is None:

@@ -785,6 +785,20 @@ def crowds(_: Log) -> Iterator[Lie]:
         for message in found.of("/fleet/state")[:20]:
             message.data = bytes(100_000)
 
+    def digits(found):
+        name = "/drone/" + "1" * 5000 + "/trajectory"
+        found.schemas[name] = found.schemas["/drone/0001/trajectory"]
+        for message in found.of("/drone/0001/trajectory"):
+            message.topic = name
+
+    def ages(found):
+        found.schemas["/fleet/predicted"] = found.schemas["/fleet/state"]
+        last = replace(found.of("/fleet/state")[-1], time=2**63 - 1)
+        found.messages.append(replace(last, topic="/fleet/predicted"))
+        found.manifest(lambda m: m["missions"].update(autopilot="ardupilot"))
+
+    yield Lie("a drone of 5,000 digits", DAMAGE, digits)
+    yield Lie("missions that last for centuries", "VRF127", ages)
     yield Lie("rules of many limits", "VRF203", parts("/show/rules", 0, b"\x62\0"))
     yield Lie("a leg of many moves", DAMAGE, parts("/show/segments", 2, b"\x6a\0"))
     yield Lie("samples of any size", "VRF122", heavy)

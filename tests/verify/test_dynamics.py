@@ -20,6 +20,7 @@ from showc.verify.kernel.dynamics import (
     RATE,
     VELOCITY,
     _chebyshev,
+    _refined,
     _rows_last,
     _scheme,
     _sides,
@@ -186,6 +187,16 @@ def test_controls_beyond_the_rotors_are_flown_as_rotors_can(log_and_show):
         1.05 * weak.mass * weak.gravity / (4 * weak.thrust_coefficient)
     )
     assert radius(show.segments[0], weak)[:, 2].max() > 0.1
+
+
+def test_rough_flights_of_many_intervals_are_not_cut_without_end():
+    """Else a file of a few kilobytes takes gigabytes."""
+    many = 5_000
+    times = np.linspace(0.0, 1.0, many + 1)
+    control = np.tile([[9.0, 0.0, 0.0, 0.0], [-9.0, 0.0, 0.0, 0.0]], (many, 1, 1))
+    state, first = np.zeros((many, 1, 12)), np.array([0, many])
+    table = PieceTable(np.array([0]), first, times[:-1], times[1:], state, control)
+    assert many < _refined(table, VEHICLE).start.size <= 4 * many
 
 
 @settings(max_examples=10, deadline=None)

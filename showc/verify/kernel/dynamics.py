@@ -100,8 +100,9 @@ _CLIPPED = 1e-9
 """Share of the greatest squared rotor speed by which coefficients may leave what rotors
 can do before an interval is halved: coefficients leave it where values do not."""
 
-_HALVINGS = 6
-"""How often an interval is halved at most; what is then left stays in the bound."""
+_HALVINGS, _MORE = 6, 4_000
+"""How often an interval is halved at most, and by how many more there may be before it;
+what is then left stays in the bound."""
 
 _ELLIPSES = (1.5, 2.0, 3.0, 5.0, 8.0, 13.0, 30.0, 1e3)
 """Values of rho that are tried; each gives a bound, the least one counts."""
@@ -427,11 +428,12 @@ def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
 def _refined(table: PieceTable, vehicle: Vehicle) -> PieceTable:
     """Halve intervals on which step 1 would be coarse."""
     degree, *_ = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
+    most = table.start.size + _MORE
     for _ in range(_HALVINGS):
         state, control = _rows_last(table.state), _rows_last(table.control)
         rest = _truncation(state, control, vehicle.mass, degree)
         coarse = ~(rest <= _FINE) | (_excess(control, vehicle).max(axis=0) > _CLIPPED)
-        if not coarse.any():
+        if not coarse.any() or coarse.size > most:
             break
         table = _halved(table, coarse)
     return table

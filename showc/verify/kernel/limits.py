@@ -233,10 +233,8 @@ def _greatest(table: PieceTable, rules: Rules, bound: Bound) -> Extreme:
     resolution = RESOLUTION * (bound.span**2 if bound.squared else bound.span)
     found = least(work, lambda hull: hull.min(axis=1), np.asarray, resolution)
     start, end = table.start[found.row], table.end[found.row]
-    drone, time = (
-        int(table.owner[found.row]),
-        float(start + found.fraction * (end - start)),
-    )
+    drone = int(table.owner[found.row])
+    time = float(start + found.fraction * (end - start))
     return Extreme(bound, -found.upper, rounding - found.lower, drone, time)
 
 
