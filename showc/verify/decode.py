@@ -63,10 +63,8 @@ def check_schemas(log: LogFile) -> Check:
     bad = []
     for channel in log.channels.values():
         schema = log.schemas[channel.schema]
-        wanted = next(
-            (t for topic, t in _TYPES.items() if re.fullmatch(topic, channel.topic)),
-            None,
-        )
+        some = (t for topic, t in _TYPES.items() if re.fullmatch(topic, channel.topic))
+        wanted = next(some, None)
         name = "nothing" if wanted is None else wanted.DESCRIPTOR.full_name
         if wanted is None or schema[1:] != (name, PROTOBUF, descriptor_set(wanted)):
             bad.append(

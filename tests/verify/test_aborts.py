@@ -14,6 +14,7 @@ from showc.log.reader import read_log
 from showc.log.schema import ABORT_NAME
 from showc.verify import DamagedLogError, verify_log
 from showc.verify.decode import read_show
+from showc.verify.kernel.choreography import joined_up
 from showc.verify.specification.aborts import Aborts
 from showc.verify.specification.cover import read_anchor
 
@@ -181,6 +182,23 @@ LIES = {
     "back at once": ("VRF356", lambda t: (back(t), jerked(t.rows[2], t.period))),
     "back, and on again": ("VRF351", lambda t: (back(t), onward(t.rows[2], t.period))),
 }
+
+
+def test_what_rows_repeat_is_proved_once(aborted, tmp_path, monkeypatch):
+    """Else tables of a few kilobytes take minutes."""
+    taken = []
+
+    def counted(show):
+        taken.append(show)
+        return joined_up(show)
+
+    def many(table):
+        table.rows.extend([table.rows[2]] * 100)
+
+    monkeypatch.setattr("showc.verify.specification.aborts.joined_up", counted)
+    rows, _ = told(aborted, tmp_path, many)
+    assert rows.verdict == "fail"
+    assert len(taken) <= len(read_log(aborted).aborts.rows)
 
 
 def placed(table):

@@ -88,6 +88,7 @@ class Aborts:
         del rules.limits[:]
         rules.limits.extend(message_of(pb.Limits, one) for one in (script.limits, sink))
         self.table, legs = read_aborts(log, rules)
+        self.sound = list[pb.AbortRow]()  # rows whose clocks rest when they say
         self.show = LoggedShow(rules, legs, logged.epoch)
 
     def parts(self) -> list[Callable[[], Any]]:
@@ -109,10 +110,9 @@ class Aborts:
             if abs(said - (0.0 if met is None else met.upper)) > REACHED:
                 wrong.append(f"“{one.message.name}” claims {said:g} m as nearest")
         joined = []
-        for row in self.table.rows:
-            legs = tuple(show.segments[leg] for leg in row.legs)
-            show.rules.duration = row.duration
-            if legs:
+        every = ((tuple(row.legs), row.duration) for row in self.table.rows)
+        for own, show.rules.duration in dict.fromkeys(every):
+            if legs := tuple(show.segments[leg] for leg in own):
                 joined += joined_up(replace(show, segments=legs))[:-1]
         rows = agreement("VRF351", wrong)
         note = f"{len(self.table.rows)} rows, every {self.table.every:g} s"
@@ -158,8 +158,10 @@ class Aborts:
                 yield f"at {time:g} s: a leg has the limits of another kind"
             elif abs(self._stands(row) - row.rest) > MOMENT:
                 yield f"at {time:g} s: the clock does not come to rest at {row.rest:g}"
-            elif row.way != BACK:
-                yield from (f"at {time:g} s: {one}" for one in self._ends(row, legs))
+            else:
+                self.sound.append(row)
+                ends = self._ends(row, legs) if row.way != BACK else ()
+                yield from (f"at {time:g} s: {one}" for one in ends)
 
     def _clock(self, row: pb.AbortRow) -> tuple[FloatArray, FloatArray]:
         """Return rates and show times of a row, where its periods begin and end."""
@@ -210,7 +212,7 @@ class Aborts:
         width, degree = end - begin, max(t.state.shape[1] for _, t in found) - 1
         speed = np.concatenate([elevate(t.state[:, :, 3:6], degree) for _, t in found])
         slope = elevate(degree * np.diff(speed, axis=1) / width[:, None, None], degree)
-        for row in self.table.rows:
+        for row in self.sound:
             rates, times = self._clock(row)
             for at in np.flatnonzero(row.changes):
                 ends = np.sort(times[at : at + 2])
