@@ -47,6 +47,8 @@ ROUNDS = 24
 """How often pieces are halved at most; each round leaves half of what was open."""
 DIRECTIONS = 360
 """Directions of a hull: its corners lie at most 0.004 % outside a circle."""
+LIKELY = 8
+"""Points that are looked at first for each bound."""
 NEAR = 2.0
 """Greatest radius of a piece's own way for which directions are looked at [m]."""
 ROUNDING = 1e-9
@@ -169,12 +171,13 @@ class Footing:
             return np.full(len(pieces), np.inf)
         level, boxes = pieces.position[:, :, :2], boxes_of(pieces, self.ground)
         chord = self._chord * np.hypot(level[..., 0], level[..., 1]).max(axis=1)
-        found = np.einsum("nkc,nc->nk", level, direction).max(axis=1) + self.wider
-        if self.table is not None:
+        if self.table is None:
+            found = np.einsum("nkc,nc->nk", level, direction).max(axis=1)
+        else:
             slack = self._chord * boxes.speed_high
             velocity = pieces.velocity[:, :, :2]
-            found += self.table.reach(Courses(boxes, velocity, slack, direction))
-        return np.asarray(found + chord)
+            found = self.table.reach(Courses(boxes, level, velocity, slack, direction))
+        return np.asarray(found + self.wider + chord)
 
 
 def _around(level: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -221,8 +224,11 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
     points = some.starts()
     discs = footing.discs(points)
     low = measure(discs.centre).distance - discs.radius[:, None]
-    likely = low.argmin(axis=0)
-    reached = _ends(points, likely, footing, measure)
+    count = min(LIKELY, len(low))
+    first = np.argpartition(low, count - 1, axis=0)[:count]
+    met = np.stack([_points(points, likely, footing, measure) for likely in first])
+    reached = met.min(axis=0)
+    likely = first[met.argmin(axis=0), np.arange(reached.size)]
     found, places = reached, [some.middle(piece) for piece in likely.tolist()]
     pieces = pieces.select(
         np.concatenate(list(_deciding(pieces, footing, measure, found)))
@@ -240,8 +246,13 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
                     low[rows, columns],
                     _sharper(part, footing, seen, discs.centre, (rows, columns)),
                 )
-                likely = (low + 2.0 * discs.motion[:, None]).argmin(axis=0)
-                reached = np.minimum(reached, _ends(part, likely, footing, measure))
+                # What is little wider than its points, and what its direction bounds.
+                narrow = (low + 2.0 * discs.motion[:, None]).argmin(axis=0)
+                looked = np.where(near[:, None], low, np.inf).argmin(axis=0)
+                for points in (part.starts(), part.ends()):
+                    for likely in (narrow, looked):
+                        ends = _points(points, likely, footing, measure)
+                        reached = np.minimum(reached, ends)
             open_ = np.any(low < reached - OPEN, axis=1) & np.array(cut < ROUNDS)
             left.append(top + np.flatnonzero(open_))
             top += len(part)
@@ -276,14 +287,14 @@ def _deciding(
         top += len(part)
 
 
-def _ends(
-    part: Pieces, likely: IntArray, footing: Footing, measure: Measure
+def _points(
+    points: Pieces, likely: IntArray, footing: Footing, measure: Measure
 ) -> FloatArray:
     """Bound the distance of one point of the region from each of m things, (m,) [m].
 
-    Where the ``likely`` piece (m,) of each begins.
+    Of the ``likely`` one (m,) of each.
     """
-    points, own = part.select(likely).starts(), np.arange(likely.size)
+    points, own = points.select(likely), np.arange(likely.size)
     discs = footing.discs(points)
     seen = measure(discs.centre)
     low = seen.distance[own, own] - discs.radius

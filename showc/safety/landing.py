@@ -33,8 +33,11 @@ class Courses:
 
     boxes: Boxes
     """Climbs, speeds and heights."""
+    place: FloatArray
+    """Points with the place in their hull, shape (n, points, 2) [m]."""
     velocity: FloatArray
-    """Points with the level velocity in their hull, shape (n, points, 2) [m/s]."""
+    """Points with the level velocity in theirs, mixed as those of the place, shape
+    (n, points, 2) [m/s]."""
     slack: FloatArray
     """How far beside that hull it may be, shape (n,) [m/s]."""
     direction: FloatArray
@@ -46,7 +49,7 @@ class Courses:
     def select(self, chosen: IntArray) -> Courses:
         """Return some of them."""
         sides = (getattr(self.boxes, name.name)[chosen] for name in fields(Boxes))
-        rest = self.velocity, self.slack, self.direction
+        rest = self.place, self.velocity, self.slack, self.direction
         return Courses(Boxes(*sides), *(one[chosen] for one in rest))
 
 
@@ -68,6 +71,8 @@ class FallTable:
     """Least and greatest L in them, likewise [s]."""
     widest: FloatArray
     """Least and greatest T, least and greatest L of all drags, (4, i, m, s) [s]."""
+    spans: FloatArray
+    """Least T - L and greatest T of all, (2, i, m) [s]."""
     missed: FloatArray
     """What interpolation may miss from a climb and a level to the next, shape
     (i - 1, m) [m]."""
@@ -130,6 +135,9 @@ class FallTable:
                     shares.max(axis=4)[1:],
                 ]
             ),
+            np.stack(
+                [(times[0] - shares[1]).min(axis=(2, 3)), times[1].max(axis=(2, 3))]
+            ),
             missed,
             Discs.over(
                 fall,
@@ -143,7 +151,7 @@ class FallTable:
         )
 
     def reach(self, courses: Courses) -> FloatArray:
-        """Bound how far falls end from where they begin, in directions, (n,) [m].
+        """Bound how far ahead falls end, in directions from the origin, (n,) [m].
 
         Raises
         ------
@@ -163,27 +171,28 @@ class FallTable:
 
     def _reach(self, courses: Courses) -> FloatArray:
         boxes, direction = courses.boxes, courses.direction
-        along, across = (
-            np.einsum("nkc,nc->nk", courses.velocity, axis)
-            for axis in (direction, direction[:, ::-1] * (-1.0, 1.0))
+        place, along, across = (
+            np.einsum("nkc,nc->nk", points, axis)
+            for points, axis in (
+                (courses.place, direction),
+                (courses.velocity, direction),
+                (courses.velocity, direction[:, ::-1] * (-1.0, 1.0)),
+            )
         )
         own, beside = (
             0.5 * (part.min(axis=1) + part.max(axis=1)) for part in (along, across)
         )
         off = np.hypot(along - own[:, None], across - beside[:, None]).max(axis=1)
         wind = self.fall.wind + off + courses.slack
-        ahead = along.max(axis=1) + courses.slack
         against = air_met(own, np.abs(beside), wind, self.airspeeds)
+        along += courses.slack[:, None]
+        ahead = along.max(axis=1)
         low = np.maximum(boxes.height_low - HEAD, 0.0)
         high = np.maximum(boxes.height_high, 0.0)
         # The velocity over ground goes over from that of the drone to that of the wind,
         # (u, b) - (a, b). Where neither leads back, the lowest end is the farthest.
         onward = ahead >= 0.0
-        against = np.where(
-            onward[:, None] & (against > -np.inf),
-            np.maximum(against, -ahead[:, None]),
-            against,
-        )
+        along = np.where(onward[:, None], np.maximum(along, 0.0), along)
         low = np.where(onward, high, low)
         row = ((boxes.climb_low - self.climbs[0]) / CELL).astype(int)
         level = np.searchsorted(self.levels, low, side="right") - 1
@@ -194,10 +203,20 @@ class FallTable:
         levels = level[:, None] + np.arange(max(int((last - level).max()), 1) + 1)
         rows = np.minimum(rows, self.climbs.size - 1)
         levels = np.minimum(levels, self.levels.size - 1)
+        begun, speed = _line(
+            place, along, self.spans[:, rows[:, None, :], levels[:, :, None]]
+        )
+        # -(a, b) = (w, b) - (u, b), and the line bounds (u, b) (T - L) too.
+        most = np.minimum(against, (self.fall.wind - speed)[:, None])
+        against = np.where(
+            onward[:, None] & (against > -np.inf),
+            np.maximum(most, -speed[:, None]),
+            most,
+        )
         at = np.empty((len(courses), levels.shape[1], rows.shape[1]))
-        for place in np.ndindex(*at.shape[1:]):
-            node = rows[:, place[1]], levels[:, place[0]]
-            at[:, *place] = self._landed(*node, ahead, against)
+        for down, up in np.ndindex(*at.shape[1:]):
+            node = rows[:, up], levels[:, down]
+            at[:, down, up] = self._landed(*node, speed, against)
         climbs, heights = self.climbs[rows], self.levels[levels]
         meant = np.clip(climbs, boxes.climb_low[:, None], boxes.climb_high[:, None])
         most = _between(climbs[:, None], at, meant[:, None]).max(axis=2)
@@ -219,13 +238,15 @@ class FallTable:
         fall = gravity - drag * sink * through
         time = climb / gravity + sink / np.sqrt(gravity * np.maximum(fall, 1e-6))
         blown = 0.5 * drag * through * np.maximum(wind - own, 0.0)[:, None]
+        found += begun[:, None]
         near = np.maximum(ahead, 0.0)[:, None] * time + blown * time**2
+        near += place.max(axis=1)[:, None]
         found = np.where(fall > 0.1 * gravity, np.minimum(found, near), found)
         met = (heights[:, :-1] < high[:, None]) | (np.arange(found.shape[1]) == 0)
         return np.asarray(np.where(met, found, -np.inf).max(axis=1) + ROUNDING)
 
     def _landed(
-        self, row: IntArray, level: IntArray, ahead: FloatArray, against: FloatArray
+        self, row: IntArray, level: IntArray, speed: FloatArray, against: FloatArray
     ) -> FloatArray:
         """Greatest reach of the falls of nodes, shape (n,) [m].
 
@@ -233,21 +254,21 @@ class FallTable:
         ----------
         row, level
             Of the nodes, shape (n,).
-        ahead
-            Greatest component of the velocity over ground, shape (n,) [m/s].
+        speed
+            Of the velocity over ground, shape (n,) [m/s].
         against
             Of the air that is met, shape (n, s) [m/s]; -inf where none is.
         """
-        sign = (ahead >= 0.0).astype(int)
+        sign = (speed >= 0.0).astype(int)
         # Over all drags at once; then for each of them, where that may be more.
         blown = (self.widest[2:, row, level] * against).max(axis=0)
-        most = ahead[:, None] * self.widest[sign, row, level] + blown
+        most = speed[:, None] * self.widest[sign, row, level] + blown
         found = np.full(row.size, -np.inf)
         some, cell = np.arange(row.size), most.argmax(axis=1)
         for _ in range(2):
             where = row[some], level[some], cell
             blown = (self.lost[:, *where] * against[some, cell, None]).max(axis=0)
-            each = ahead[some, None] * self.times[sign[some], *where] + blown
+            each = speed[some, None] * self.times[sign[some], *where] + blown
             np.maximum.at(found, some, each.max(axis=1))
             some, cell = np.nonzero(most > found[:, None])
         return found
@@ -302,6 +323,28 @@ def _levels(height: float) -> FloatArray:
     return np.asarray(
         (0.2 * np.arange(np.ceil(5.0 * np.sqrt(max(height, 1.0))) + 1.0)) ** 2
     )
+
+
+def _line(
+    place: FloatArray, along: FloatArray, spans: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Bound (x, b) + (u, b) t by a line in t: begin [m] and speed [m/s], (n,) each.
+
+    A place is met with its own velocity only: the greatest of them all is convex in t.
+
+    Parameters
+    ----------
+    place, along
+        (x, b) and (u, b) of the points of a hull, shape (n, points) [m, m/s].
+    spans
+        Least and greatest t, shape (2, n, levels, climbs) [s].
+    """
+    first, last = spans[0].min(axis=(1, 2)), spans[1].max(axis=(1, 2))
+    begun, ended = (
+        (place + along * time[:, None]).max(axis=1) for time in (first, last)
+    )
+    speed = (ended - begun) / np.maximum(last - first, 1e-9)
+    return begun - speed * first, speed
 
 
 def _between(nodes: FloatArray, values: FloatArray, at: FloatArray) -> FloatArray:

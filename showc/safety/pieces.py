@@ -86,6 +86,10 @@ class Pieces:
         """Return the points at which the pieces start, as pieces without length."""
         return Pieces(self.drone, self.start, self.start, self.state[:, :1])
 
+    def ends(self) -> Pieces:
+        """Return the points at which they end, likewise."""
+        return Pieces(self.drone, self.end, self.end, self.state[:, -1:])
+
     def flights(self) -> list[PiecewisePolynomial]:
         """Return position and velocity of each drone over the whole show.
 

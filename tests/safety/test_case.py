@@ -12,6 +12,7 @@ from safety.falls import landings
 from showc.log.reader import read_log
 from showc.safety import codes
 from showc.safety.assessment import safety_case, show_of
+from showc.safety.fall import Fall
 from showc.safety.ground import (
     Footing,
     area,
@@ -20,6 +21,7 @@ from showc.safety.ground import (
     least,
     outside,
 )
+from showc.safety.landing import FallTable
 from showc.safety.pieces import flight_pieces, flown_legs
 from showc.script.show import Audience, Building, Risk
 from showc.vehicle.power import SEA_LEVEL, air_density
@@ -108,6 +110,21 @@ def test_the_flight_is_inside_its_geography(logged, show):
     assert room.min() >= -1e-9
     assert room.max() < 0.2
     assert area(case.geography) > 0.0
+
+
+def test_a_footprint_in_strong_wind_is_found_with_few_looks(logged, monkeypatch):
+    pieces = flight_pieces(flown_legs(logged))
+    fall = Fall(0.625, (0.03, 0.03), 20.0)
+    table = FallTable.covering(fall, (-3.0, 3.0), 7.0, 15.0)
+    looks, reach = [], FallTable.reach
+
+    def counted(self, courses):
+        looks.append(len(courses))
+        return reach(self, courses)
+
+    monkeypatch.setattr(FallTable, "reach", counted)
+    hull(pieces, Footing(table))
+    assert sum(looks) < 150_000
 
 
 def test_an_audience_below_is_found_with_drone_second_and_metres(logged, show):
