@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 TOGETHER = 256
 """Reaches that are worked out together, for what the processor keeps at hand."""
+DRAG_PARTS = 5
+"""Parts of the drags whose falls are integrated one after the other, likewise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,7 +106,11 @@ class FallTable:
         drags = np.unique(np.linspace(*fall.drag, DRAG_CELLS + 1))
         cells = np.ceil((speeds[-1] + fall.wind) / AIRSPEED)
         airspeeds = np.asarray(AIRSPEED * np.arange(cells + 1.0))
-        time, way = falls(climb, airspeeds, drags, levels, fall.gravity)
+        parts = [
+            falls(climb, airspeeds, some, levels, fall.gravity)
+            for some in np.array_split(drags, min(DRAG_PARTS, drags.size))
+        ]
+        time, way = np.concatenate(parts, axis=3)
         # The wind carries a drone that has no airspeed. Over a cell, time and the way
         # lost are lines, and the latter's share of the airspeed lies between the ends'.
         lost = time - way / np.maximum(airspeeds, AIRSPEED)[:, None, None]
