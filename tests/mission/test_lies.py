@@ -318,6 +318,9 @@ def test_every_key_of_a_plan_is_caught(case):
         lambda m: m["missions"]["prediction"].update(delay_spread=0.0),
         lambda m: m["missions"]["prediction"].update(clock_lag=0.0),
         lambda m: m["missions"]["prediction"].update(more=1),
+        lambda m: m["missions"]["prediction"]["land"].update(
+            distance=str(m["missions"]["prediction"]["land"]["distance"])
+        ),
         lambda m: m["missions"]["prediction"]["land"].update(distance=10**400),
         lambda m: m["missions"]["prediction"].update(latest_mission_start=10**400),
         lambda m: m["missions"]["prediction"]["legs"][0].update(closest={}),

@@ -297,7 +297,7 @@ def _as_claimed(
             ("land", "VRF413", said["land"]),
         ):
             found = nearest[code].upper
-            near = np.inf if close is None else float(close["distance"])
+            near = np.inf if close is None else close["distance"] + 0.0
             if near != found and not abs(near - found) <= CONSTANTS["agreement"]:
                 wrong.append(f"prediction.{key}: nearest are {near} m, not {found} m")
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
