@@ -55,8 +55,8 @@ def command(
     assumptions (site: risk).
 
     Writes a page with a drawing, and a KML map with a folder for each volume. Exits
-    with 0 if there are no findings, else with 1. showc explain SAF111 explains a
-    finding.
+    with 1 if a finding is an error, else with 0: warnings do not count. showc explain
+    SAF111 explains a finding.
 
     \b
       showc safety output.mcap
