@@ -34,6 +34,18 @@ MANIFEST = "export.json"
 FORMAT_VERSION = 1
 """Version of the manifest's format."""
 
+FORMATS = {
+    "skyc": ".skyc",
+    "skyb": ".skyb",
+    "skybrush-csv": "Skybrush .csv",
+    "poly7": "poly7 .csv",
+    "crazyflie": "Crazyflie .traj",
+    "vviz": ".vviz",
+    "gltf": "glTF",
+    "kml": "",
+}
+"""What readers call a format, by its name on the command line; none reads maps."""
+
 SHOW_MODE = {"skyb", "skyc"}
 """Formats that show mode flies."""
 
@@ -157,6 +169,8 @@ def read_manifest(folder: Path) -> Manifest:
         raise DamagedFileError(f"{path}: is no manifest of version {FORMAT_VERSION}")
     asked, flown = rules_from_json(content.get("rules"), str(path))
     files, source = content.get("files"), content.get("source")
+    if str(content.get("format")) not in FORMATS:
+        raise DamagedFileError(f"{path}: `format` must be one of {', '.join(FORMATS)}")
     if not isinstance(files, dict):
         raise DamagedFileError(f"{path}: lists no files")
     return Manifest(
@@ -228,6 +242,9 @@ def prove(
         show = read_show(folder)
     except DamagedFileError as error:
         return list(damaged(folder, error).checks)
+    if show.format != FORMATS[form]:
+        said = f"{folder}: {MANIFEST} says {form}, the files are {show.format}"
+        return list(damaged(folder, DamagedFileError(said)).checks)
     # The parameter file beside the files makes the firmware climb faster.
     firmware = Firmware(climb_speed=5.0, climb_acceleration=5.0)
     found = answer(show, asked, firmware if form in SHOW_MODE else None)

@@ -1,6 +1,7 @@
 """Exports as they lie on disk: proved from their bytes, whole or not there at all."""
 
 import json
+import shutil
 import struct
 import zipfile
 
@@ -42,6 +43,14 @@ def test_verify_repeats_the_proof_from_the_folder(exported):
     again = verify_export(exported.folder)
     assert again.passed
     assert again.checks[1:] == exported.checks
+
+
+@pytest.mark.parametrize("said", ["x", [], "skybrush-csv", "gltf"])
+def test_a_manifest_that_names_another_format_is_damaged(exported, tmp_path, said):
+    folder = shutil.copytree(exported.folder, tmp_path / "it")
+    manifest = json.loads((folder / MANIFEST).read_text())
+    (folder / MANIFEST).write_text(json.dumps(manifest | {"format": said}))
+    assert not verify_export(folder).passed
 
 
 def test_manifest_lists_hashes_rules_and_what_is_lost(exported):
