@@ -152,7 +152,7 @@ def _flown(leg: Leg, aircraft: Aircraft, duration: float, width: float) -> Movin
     for one in leg.motion:
         knots = one.derivatives(duration, breaks)
         pieces = _hermite(knots, widths)
-        wanted = one.derivatives(duration, inner)[0]
+        wanted = one.positions(duration, inner)
         flown = np.einsum("jk,nikc->ijnc", basis, pieces).reshape(wanted.shape)
         error = max(error, float(np.linalg.norm(flown - wanted, axis=-1).max()))
         position[one.rows] = pieces

@@ -81,7 +81,7 @@ def _motion(flight: LegFlight) -> str:
     """Look at drones of a moving formation: they follow its motion."""
     leg, times = flight.leg, np.linspace(0.0, flight.duration, _LOOKS)
     for one in leg.motion:
-        wanted = one.derivatives(flight.duration, times)[0]
+        wanted = one.positions(flight.duration, times)
         for column, row in enumerate(one.rows.tolist()):
             flown = flight.trajectories[row].state(times)[:, :3]
             away = float(np.linalg.norm(flown - wanted[:, column], axis=1).max())

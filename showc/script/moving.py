@@ -123,12 +123,12 @@ class MovingPlaces:
         times
             Since its start, shape (times,) [s].
         """
-        series = np.zeros((ORDER, times.size, *self.places.shape))
-        series[0] = self.places
-        for motion, frames in zip(self.motions, self.frames, strict=True):
-            series = self._moved(series, motion, frames, duration, times)
         factorials = np.array([1.0, 1.0, 2.0, 6.0]).reshape(-1, 1, 1, 1)
-        return np.asarray(series * factorials)
+        return np.asarray(self._series(duration, times, ORDER) * factorials)
+
+    def positions(self, duration: float, times: FloatArray) -> FloatArray:
+        """Position alone, by the same arguments, shape (times, n, 3) [m]."""
+        return np.asarray(self._series(duration, times, 1)[0])
 
     def ends(self, duration: float) -> tuple[FloatArray, FloatArray]:
         """Position and its derivatives when the hold begins and ends, (4, n, 3)."""
@@ -138,6 +138,14 @@ class MovingPlaces:
             if not moving:
                 found[1:, side] = 0.0
         return found[:, 0], found[:, 1]
+
+    def _series(self, duration: float, times: FloatArray, order: int) -> FloatArray:
+        """Taylor series of the places, truncated after ``order`` coefficients."""
+        series = np.zeros((order, times.size, *self.places.shape))
+        series[0] = self.places
+        for motion, frames in zip(self.motions, self.frames, strict=True):
+            series = self._moved(series, motion, frames, duration, times)
+        return series
 
     def _ramps(self, ramp: float, duration: float) -> tuple[float, float]:
         """Time to set in, and to end [s]: none where it is under way."""
@@ -156,12 +164,10 @@ class MovingPlaces:
         if isinstance(motion, Travel | Morph):
             return _displaced(series, motion, frames, duration, times)
         ramps = self._ramps(motion.ramp, duration)
-        strength, progress = _envelope(ramps, duration, times)
+        strength, progress = _envelope(ramps, duration, times, len(series))
         if isinstance(motion, Follow):
             return np.asarray(series + _along(frames, progress))
-        clock = np.zeros((ORDER, times.size, 1))
-        clock[0, :, 0] = times
-        clock[1] = 1.0
+        clock = _line(times, 1.0, len(series))
         if isinstance(motion, Rotate):
             centre = self._centre(motion.about)
             return _turned(series, centre, motion, motion.angle * progress)
@@ -270,23 +276,22 @@ def _displaced(
     for begin, end, shift in zip(shares[:-1], shares[1:], frames, strict=True):
         if end <= begin:
             continue
-        share = np.zeros((ORDER, times.size, 1))
-        share[0, :, 0] = np.clip((times - begin) / (end - begin), 0.0, 1.0)
         inside = (times > begin) & (times < end)
-        share[1, inside, 0] = 1.0 / (end - begin)
+        passed = np.clip((times - begin) / (end - begin), 0.0, 1.0)
+        share = _line(passed, inside / (end - begin), len(series))
         result += _polynomial(_STEP, share)[..., None] * shift
     return result
 
 
 def _along(frames: FloatArray, progress: FloatArray) -> FloatArray:
-    """Follow frames (m, n, 3), the progress a series of shape (4, times, 1)."""
+    """Follow frames (m, n, 3), the progress a series of shape (order, times, 1)."""
     steps = len(frames) - 1
     ends = 2.0 * frames[[0, 0, -1, -1]] - frames[[2, 1, -2, -3]]
     points = np.concatenate([ends[:2], frames, ends[2:]])
     share = steps * progress
     row = np.clip(share[0, :, 0].astype(np.int64), 0, steps - 1)
     share[0, :, 0] -= row
-    result = np.zeros((ORDER, row.size, *frames.shape[1:]))
+    result = np.zeros((len(progress), row.size, *frames.shape[1:]))
     for weights in _SPLINE[::-1]:
         result = _product(result, share[..., None])
         for near, weight in enumerate(weights):
@@ -295,25 +300,20 @@ def _along(frames: FloatArray, progress: FloatArray) -> FloatArray:
 
 
 def _envelope(
-    ramps: tuple[float, float], duration: float, times: FloatArray
+    ramps: tuple[float, float], duration: float, times: FloatArray, order: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Strength E and progress G, each of shape (4, times, 1)."""
+    """Strength E and progress G, each of shape (order, times, 1)."""
     rise, fall = ramps
     rising, falling = times < rise, times > duration - fall
     slope = np.zeros(times.size)
     # Where there is no ramp, nothing lies in it.
     slope[rising], slope[falling] = 1.0 / (rise or 1.0), -1.0 / (fall or 1.0)
-    share = np.zeros((ORDER, times.size, 1))
-    share[0, :, 0] = np.where(
-        rising, times * slope, np.where(falling, (times - duration) * slope, 1.0)
-    )
-    share[1, :, 0] = slope
+    passed = np.where(falling, (times - duration) * slope, 1.0)
+    share = _line(np.where(rising, times * slope, passed), slope, order)
     strength = _polynomial(_STEP, share)
     area = np.where(rising, rise, fall)[:, None] * _polynomial(_AREA, share)
     # Between the ramps the strength is 1; the area of a ramp is half its time.
-    middle = np.zeros_like(area)
-    middle[0, :, 0] = times - 0.5 * rise
-    middle[1] = 1.0
+    middle = _line(times - 0.5 * rise, 1.0, order)
     whole = duration - 0.5 * (rise + fall)
     ending = -area
     ending[0] += whole
@@ -325,7 +325,7 @@ def _envelope(
 def _turned(
     series: FloatArray, centre: FloatArray, motion: Rotate, angle: FloatArray
 ) -> FloatArray:
-    """Rodrigues' formula, the angle a series of shape (4, times, 1)."""
+    """Rodrigues' formula, the angle a series of shape (order, times, 1)."""
     axis = np.asarray(motion.axis)
     sine, cosine = _sine_cosine(angle)
     offset = _shifted(series, -centre)
@@ -351,12 +351,20 @@ def _less(cosine: FloatArray) -> FloatArray:
     return result
 
 
+def _line(values: FloatArray, slope: FloatArray | float, order: int) -> FloatArray:
+    """Series of what is linear in time, shape (order, times, 1)."""
+    result = np.zeros((order, values.size, 1))
+    result[0, :, 0] = values
+    result[1:2, :, 0] = slope
+    return result
+
+
 def _product(one: FloatArray, other: FloatArray) -> FloatArray:
     """Product of two truncated series along the first axis."""
     return np.stack(
         [
             np.sum([one[j] * other[k - j] for j in range(k + 1)], axis=0)
-            for k in range(ORDER)
+            for k in range(len(one))
         ]
     )
 
@@ -374,7 +382,7 @@ def _sine_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Sine and cosine of a series, by their differential equation."""
     sine, cosine = np.zeros_like(angle), np.zeros_like(angle)
     sine[0], cosine[0] = np.sin(angle[0]), np.cos(angle[0])
-    for k in range(1, ORDER):
+    for k in range(1, len(angle)):
         for j in range(1, k + 1):
             sine[k] += j / k * angle[j] * cosine[k - j]
             cosine[k] -= j / k * angle[j] * sine[k - j]

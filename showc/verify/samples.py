@@ -93,10 +93,13 @@ def flown(show: LoggedShow, times: FloatArray) -> FloatArray:
 def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
     """State and control (16, n, drones of the table) at times (n,) of a segment [s].
 
+    Of a table with fewer columns, those that it has.
+
     At the joint of two mesh intervals the later one counts.
     """
     drones = np.arange(table.drones.size)
-    result = np.empty((16, times.size, drones.size))
+    columns = table.state.shape[2] + table.control.shape[2]
+    result = np.empty((columns, times.size, drones.size))
     position = table.state[:, :, :3]
     ends = 0.0, float(table.end.max())
     tracks = Tracks(*ends, table.first, table.start, table.end, position)

@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from showc.arrays import FloatArray, IntArray
+    from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Rules, Vector3
     from showc.log.showc_pb2 import Segment as SegmentMessage
 
@@ -60,6 +60,13 @@ class PieceTable:
         degree, width = curves.shape[1] - 1, (self.end - self.start)[:, None, None]
         # Where they are constant, there is no coefficient left.
         return degree * np.diff(curves, axis=1) / width if degree else 0.0 * curves
+
+    def chosen(self, rows: BoolArray) -> PieceTable:
+        """Return the table of those rows (rows,) alone."""
+        drones, first = np.unique(self.owner[rows], return_index=True)
+        columns = self.start, self.end, self.state, self.control
+        some = (column[rows] for column in columns)
+        return PieceTable(drones, np.append(first, np.count_nonzero(rows)), *some)
 
     def parts(self, rows: int) -> Iterator[PieceTable]:
         """Cut into tables of whole drones with about ``rows`` rows each."""

@@ -16,7 +16,6 @@ from showc.log import showc_pb2 as pb
 from showc.script.lanes import lanes
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, turn
 from showc.verify.kernel.dynamics import STILL
-from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
 from showc.verify.samples import flown
 from showc.verify.specification.motion import astray, standing
 
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.script.moving import MovingPlaces
     from showc.script.show import Show, Transition
+    from showc.verify.kernel.show import LoggedShow, Segment
 
 ON_TIME = 0.01
 """How far an arrival or a departure may be off the time that the script asks for [s]:
@@ -183,8 +183,6 @@ def _during(
     whole = (table.start >= first - MOMENT) & (table.end <= last + MOMENT)
     if (within & ~whole).any():
         return None
-    mine, rows = np.unique(table.owner[within], return_index=True)
-    rows = np.append(rows, np.count_nonzero(within))
-    columns = table.start - first, table.end - first, table.state, table.control
-    table = PieceTable(mine, rows, *(column[within] for column in columns))
+    table = table.chosen(within)
+    table = replace(table, start=table.start - first, end=table.end - first)
     return replace(segment, message=message, table=table)

@@ -14,7 +14,7 @@ motions set in. So a few instants prove all of them.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import ceil, sqrt, tau
+from math import ceil, tau
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,6 +41,8 @@ _REST = 4e-4
 """Share of it that is left to what happens between two instants [m]."""
 _MOST = 200_000
 """Instants of one motion at which a look gives up."""
+_ROWS, _AT_ONCE = 1_000, 2_000
+"""Polynomials, and instants of them, that are looked at together; bounds the memory."""
 _SLOPE, _BEND = 35.0 / 16.0, 7.52
 """Greatest |S'| and |S''|: 420 u^2 (1 - u)^2 (1 - 2 u) is at most 7.513."""
 
@@ -115,33 +117,41 @@ def astray(segment: Segment, parts: Sequence[MovingPlaces]) -> Iterator[str]:
     duration, worst, slip, worse = segment.duration, 0.0, 0.0, [0, 0]
     for one in parts:
         asked = _restless(one, duration) if one.motions else 0.0
-        for alone in segment.table.parts(1):
-            row = np.flatnonzero(one.rows == alone.drones[0])
-            if not row.size:
-                continue
+        order, table = np.argsort(one.rows), segment.table
+        for some in table.chosen(np.isin(table.owner, one.rows)).parts(_ROWS):
+            row = order[np.searchsorted(one.rows, some.drones, sorter=order)]
             # Frames of one place are those of all.
             own = (part if part.shape[1] == 1 else part[:, row] for part in one.frames)
             mine = replace(one, rows=row, places=one.places[row], frames=tuple(own))
-            slopes = [alone.state[:, :, :3]]
+            position = some.state[:, :, :3]
+            slopes = [position]
             for _ in JOINED:
-                slopes.append(alone.slope(slopes[-1]))
+                slopes.append(some.slope(slopes[-1]))
             # The greatest second difference of the logged positions.
-            bend = asked + float(np.linalg.norm(slopes[2], axis=2).max())
-            step = sqrt(8.0 * _REST / max(bend, 1e-9))
+            bends = np.linalg.norm(slopes[2], axis=2).max(axis=1)
+            bends = asked + np.maximum.reduceat(bends, some.first[:-1])
+            step = np.sqrt(8.0 * _REST / max(bends.max(), 1e-9))
             count = max(2, ceil(duration / min(step, duration)) + 1)
-            times = np.linspace(0.0, duration, count if count <= _MOST else 2)
-            off = evaluate(alone, times)[:3, :, 0].T
-            off -= mine.derivatives(duration, times)[0, :, 0]
-            rest = bend * (duration / (count - 1)) ** 2 / 8.0
-            far = float(np.sqrt((off**2).sum(axis=1)).max()) + rest
-            far = far if count <= _MOST else np.inf
-            if not far <= worst:
-                worst, worse[0] = far, int(alone.drones[0])
-            ends = np.stack(mine.ends(duration))[:, 1:, 0]
-            flown = np.stack([[one[0, 0], one[-1, -1]] for one in slopes[1:]], axis=1)
-            missed = np.abs(flown - ends).max(axis=(0, 2)) / JOINED
+            if count > _MOST:
+                worst, worse[0] = np.inf, int(some.drones[np.argmax(bends)])
+                continue
+            alone = replace(some, state=position, control=some.control[:, :, :0])
+            times = np.linspace(0.0, duration, count)
+            far = np.zeros(row.size)
+            for at in np.array_split(times, ceil(count / _AT_ONCE)):
+                off = np.moveaxis(evaluate(alone, at), 0, 2)
+                off -= mine.positions(duration, at)
+                far = np.maximum(far, np.linalg.norm(off, axis=2).max(axis=0))
+            far += bends * (duration / (count - 1)) ** 2 / 8.0
+            if not far.max() <= worst:
+                worst, worse[0] = float(far.max()), int(some.drones[np.argmax(far)])
+            ends = np.stack(mine.ends(duration), axis=1)[1:]
+            first, last = some.first[:-1], some.first[1:] - 1
+            flown = np.stack([[one[first, 0], one[last, -1]] for one in slopes[1:]])
+            missed = (np.abs(flown - ends).max(axis=(1, 3)).T / JOINED).max(axis=1)
             if not missed.max() <= slip:
-                slip, worse[1] = float(missed.max()), int(alone.drones[0])
+                slip = float(missed.max())
+                worse[1] = int(some.drones[np.argmax(missed)])
     if not worst <= FOLLOWED:
         yield (
             f"drone {worse[0] + 1} may be {worst:.6f} m from where the motion has it, "
