@@ -20,12 +20,7 @@ from showc.export.parameters import parameter_file
 from showc.export.pictures import glb_file, kml_file, vviz_file
 from showc.export.skyb import skyb_file, trajectory_block, yaw_block
 from showc.export.skyc import Setpoints, drone_name, skyc_file
-from showc.export.tables import (
-    crazyflie_files,
-    csv_zip,
-    memory_notes,
-    poly7_files,
-)
+from showc.export.tables import crazyflie_files, csv_zip, memory_notes, poly7_files
 from showc.export.takeoff import slowed
 from showc.files import alone, stage_for, unwritable, write_through
 from showc.foreign.facts import Asked

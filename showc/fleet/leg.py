@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.vehicle import Separation
 
-
 _WORTH = 0.02
 """Share of the slowest drone's time beyond it from which on pairs are bounded."""
 TOLERANCE = 1e-6

@@ -208,10 +208,8 @@ def inflate(view: memoryview, span: tuple[int, int], size: int) -> bytes:
     """
     packed = view[slice(*span)]
     if size > LARGEST_CHUNK:
-        raise Damage(
-            span[0],
-            f"a chunk claims {size:,} bytes; more than {LARGEST_CHUNK:,} are refused",
-        )
+        text = f"a chunk claims {size:,} bytes; more than {LARGEST_CHUNK:,} are refused"
+        raise Damage(span[0], text)
     try:
         declared = zstandard.get_frame_parameters(packed).content_size
         if declared != size:
@@ -358,9 +356,7 @@ class _Walk:
         if log.channels.setdefault(number, channel) != channel:
             raise Damage(position, f"channel {number} is defined in two ways")
         if channel.schema not in log.schemas:
-            text = (
-                f"channel {channel.topic!r} has a schema that is not defined before it"
-            )
+            text = f"the schema of channel {channel.topic!r} is not defined before it"
             raise Damage(position, text)
 
     def _chunk(self, record: Record) -> Record:

@@ -222,11 +222,7 @@ class Reader:
                 settings.broken = True
 
     def _unknown(
-        self,
-        section: Section,
-        known: dict[str, Field],
-        entry: Entry,
-        node: Mapping,
+        self, section: Section, known: dict[str, Field], entry: Entry, node: Mapping
     ) -> None:
         if self.full:
             return
@@ -302,10 +298,7 @@ class Reader:
             )
 
     def _missing(
-        self,
-        fields: tuple[Field, ...] | None,
-        node: Mapping,
-        settings: Settings,
+        self, fields: tuple[Field, ...] | None, node: Mapping, settings: Settings
     ) -> None:
         for field in fields or ():
             if node.get(field.key) is not None:

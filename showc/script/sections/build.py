@@ -129,9 +129,7 @@ class Builder:
             self.table[name] = setting
             return name
         named = str(setting.value)
-        if self._known(named, setting.mark):
-            return named
-        return None
+        return named if self._known(named, setting.mark) else None
 
     def _known(self, name: str, mark: Mark) -> bool:
         if name in self.table:
@@ -175,9 +173,8 @@ class Builder:
             )
             excess = gallery.excess(drones, len(self.settings.sections("transitions")))
             if excess:
-                self.reader.say(
-                    "SHW119", excess, settings.mark, help_text="split it into two shows"
-                )
+                advice = "split it into two shows"
+                self.reader.say("SHW119", excess, settings.mark, help_text=advice)
             else:
                 formations = self._formations(gallery, drones, separation)
         pads = self.pads or "pads"
@@ -228,9 +225,8 @@ class Builder:
         step = max(2.0, math.ceil(distance * 4.0) / 4.0)
         columns = math.ceil(math.sqrt(drones))
         index = np.arange(drones)
-        places = np.column_stack(
-            [index % columns, index // columns, np.zeros(drones)]
-        ).astype(np.float64)
+        square = index % columns, index // columns, np.zeros(drones)
+        places = np.column_stack(square)
         middle = (places.min(axis=0) + places.max(axis=0)) / 2.0
         points = (places - middle) * step
         picture = Picture(points, np.ones((drones, 3)), np.zeros(3), None)
@@ -379,12 +375,9 @@ class Builder:
                     sketch.site,
                     self.reader,
                 )
-        transitions = []
-        loose = []
+        transitions, loose = [], []
         last: dict[str | None, str] = {}
-        for item in self.settings.sections("transitions"):
-            if item.broken:
-                continue
+        for item in settings.sound("transitions"):
             group = item.word("group")
             before = last.get(group, last.get(None, "launch"))
             if group is None and last:
