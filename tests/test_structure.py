@@ -284,3 +284,12 @@ def test_the_map_of_rooms_has_all_of_them():
     guide = (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rooms = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
     assert {room for room in rooms if f"`showc/{room}`" not in guide} == set()
+
+
+def test_a_module_is_one_noun_of_500_lines_at_most():
+    written = (path for path in PACKAGE.rglob("*.py") if not path.stem.endswith("_pb2"))
+    sizes = {
+        path.relative_to(PACKAGE): len(path.read_text(encoding="utf-8").splitlines())
+        for path in written
+    }
+    assert {path: size for path, size in sizes.items() if size > 500} == {}
