@@ -88,32 +88,35 @@ def _proved(
         raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
     anchor, asked, checks = read_anchor(log, metadata, script)
     show, lights = read_show(log), None
-    demands = None if asked is None else hold_against(asked, show)
-    if asked is not None and demands is not None:
+    if asked is not None:
+        demands = hold_against(asked, show)
+        work: dict[str, Sequence[Callable[[], Any]]] = {"motions": demands.motions}
         lights = None if demands.rules else demands.lights
-        checks += demands.checks()
+        if lights is not None:
+            beside = Missions(log, show, asked, demands) if missions else None
+            added = [one for one in ADDITIONS if log.attachment(one) is not None]
+            aborts = Aborts(log, show, asked) if ABORT_NAME in added else None
+            tubes = None if beside is None else beside.tubes
+            claimed = [*show.segments, *demands.claims]
+            samples = Samples(log, show, lights, asked, tubes)
+            # The longest parts first, so that no process works alone at the end.
+            rules, segments = show.rules, show.segments
+            work |= {
+                "missions": [] if beside is None else beside.parts(),
+                "aborts": [] if aborts is None else aborts.parts(),
+                "physics": [partial(radius, one, rules.vehicle) for one in segments],
+                "limits": [partial(extremes, one, rules) for one in segments],
+                "separation": encounter_parts(show),
+                "bounds": [partial(excess, show, one) for one in claimed],
+                "choreography": [partial(joined_up, show)],
+                "samples": samples.parts(),
+            }
+        found = _done(work, jobs, watch)
+        checks += demands.checks(found["motions"])
         checks += check_cover(log, metadata, show, asked)
     checks += [_integrity(log), check_schemas(log)]
-    if asked is not None and demands is not None and lights is not None:
-        beside = Missions(log, show, asked, demands) if missions else None
-        added = [one for one in ADDITIONS if log.attachment(one) is not None]
+    if lights is not None:
         checks += [bound_to(log, added)] if added else []
-        aborts = Aborts(log, show, asked) if ABORT_NAME in added else None
-        tubes = None if beside is None else beside.tubes
-        claimed = [*show.segments, *demands.claims]
-        samples = Samples(log, show, lights, asked, tubes)
-        # The longest parts first, so that no process works alone at the end.
-        work: dict[str, Sequence[Callable[[], Any]]] = {
-            "missions": [] if beside is None else beside.parts(),
-            "aborts": [] if aborts is None else aborts.parts(),
-            "physics": [partial(radius, s, show.rules.vehicle) for s in show.segments],
-            "limits": [partial(extremes, one, show.rules) for one in show.segments],
-            "separation": encounter_parts(show),
-            "bounds": [partial(excess, show, one) for one in claimed],
-            "choreography": [partial(joined_up, show)],
-            "samples": samples.parts(),
-        }
-        found = _done(work, jobs, watch)
         radii, encounters = found["physics"], found["separation"]
         stated = [
             *ties(show, radii),

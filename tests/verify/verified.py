@@ -146,3 +146,8 @@ def show_of(
         ),
     )
     return LoggedShow(rules, tuple(segments), 0)
+
+
+def strays(demands):
+    """What the looks at formations in motion say, one after the other."""
+    return [text for look in demands.motions for text in look()]

@@ -9,6 +9,8 @@ and what follows is derived from it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +28,7 @@ from showc.verify.specification.lanes import ON_TIME, Flight, Lanes, StrayError
 from showc.verify.specification.motion import astray, standing
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from showc.arrays import FloatArray, IntArray
     from showc.script.show import Effect, Show, Transition
@@ -68,8 +70,9 @@ class Demands:
     """Goals that are not admissible."""
     times: list[str] = field(default_factory=list)
     """Arrivals and departures at other times than the script asks for."""
-    motions: list[str] = field(default_factory=list)
-    """Formations that do not move as they should while they are held."""
+    motions: list[Callable[[], list[str]]] = field(default_factory=list)
+    """Looks at formations in motion, to be made side by side: each says what does not
+    move as it should."""
     lights: LightProgram | None = None
     """Light of the fleet; None if the legs are not those of the script."""
     claims: list[Segment] = field(default_factory=list)
@@ -77,10 +80,10 @@ class Demands:
     moves: list[Move] = field(default_factory=list)
     """Moves in order, of groups side by side by their starts: what missions fly."""
 
-    def checks(self) -> list[Check]:
-        """Return what was found as checks."""
+    def checks(self, motions: Iterable[list[str]]) -> list[Check]:
+        """Return what was found as checks, and what the looks at ``motions`` said."""
         codes = "VRF203", "VRF204", "VRF205", "VRF206", "VRF207"
-        found = self.rules, self.legs, self.places, self.times, self.motions
+        found = self.rules, self.legs, self.places, self.times, chain(*motions)
         return [agreement(*one) for one in zip(codes, found, strict=True)]
 
 
@@ -281,8 +284,8 @@ class _Walk:
         """Look at what a group does while it holds the formation placed last."""
         transition, members, places = self.placed[-1]
         moving, parked = self._moving(*self.placed[-1]), members[places < 0]
-        found = self.lanes.astray(moving, parked, flight)
-        self.demands.motions += [f"“{transition.name}”: {text}" for text in found]
+        look = partial(self.lanes.astray, moving, parked, flight, transition.name)
+        self.demands.motions.append(look)
         goal, goals = moving.ends(flight.until - flight.end)[1][0], segment.goals
         there = self.lanes.at(parked, flight.end)[:, :3]
         near = _near(goals[moving.rows], goal) and _near(goals[parked], there, REACHED)
@@ -428,8 +431,7 @@ class _Walk:
         if moving:
             others = np.setdiff1d(self.fleet, np.concatenate([m.rows for m in moving]))
             still = standing(others, self.before[others])
-            found = astray(segment, [*moving, still])
-            self.demands.motions += [f"“{title}”: {text}" for text in found]
+            self.demands.motions.append(partial(astray, segment, [*moving, still]))
             self.leaving = any(one.under_way[1] for one in moving)
         return segment
 

@@ -126,16 +126,16 @@ class Lanes:
         return flown(self.logged, np.array([time]))[:12, 0, drones].T
 
     def astray(
-        self, moving: MovingPlaces, parked: IntArray, flight: Flight
-    ) -> Iterator[str]:
+        self, moving: MovingPlaces, parked: IntArray, flight: Flight, name: str
+    ) -> list[str]:
         """Say what a group does otherwise while it holds its formation in motion."""
         members = np.union1d(moving.rows, parked)
         part = _during(self.segment, members, flight.end, flight.until)
         if part is None:
-            yield "a polynomial runs across an end of its motion"
-            return
+            return [f"“{name}”: a polynomial runs across an end of its motion"]
+        part.message.name = name
         still = standing(parked, self.at(parked, flight.end)[:, :3])
-        yield from astray(part, [moving, still])
+        return astray(part, [moving, still])
 
     def _unlike(
         self, drones: IntArray, claims: list[pb.Move], flights: list[Flight]

@@ -24,7 +24,7 @@ from showc.script.show import Breathe, Follow, Morph, Rotate, Travel, Wave
 from showc.verify.samples import evaluate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from showc.arrays import FloatArray, IntArray
     from showc.verify.kernel.show import Segment
@@ -107,7 +107,7 @@ def standing(rows: IntArray, places: FloatArray) -> MovingPlaces:
     return MovingPlaces(rows, places, (), np.zeros(3), ())
 
 
-def astray(segment: Segment, parts: Sequence[MovingPlaces]) -> Iterator[str]:
+def astray(segment: Segment, parts: Sequence[MovingPlaces]) -> list[str]:
     """Say how far the worst drone may be from where a motion wants it, if too far.
 
     Else say it of velocity, acceleration and jerk when the segment begins and ends.
@@ -152,13 +152,11 @@ def astray(segment: Segment, parts: Sequence[MovingPlaces]) -> Iterator[str]:
             if not missed.max() <= slip:
                 slip = float(missed.max())
                 worse[1] = int(some.drones[np.argmax(missed)])
+    said = ""
     if not worst <= FOLLOWED:
-        yield (
-            f"drone {worse[0] + 1} may be {worst:.6f} m from where the motion has it, "
-            f"{FOLLOWED:g} m is allowed"
-        )
+        said = f"drone {worse[0] + 1} may be {worst:.6f} m from where the motion has it"
+        said += f", {FOLLOWED:g} m is allowed"
     elif not slip <= 1.0:
-        yield (
-            f"drone {worse[1] + 1} begins or ends in another state than the motion's: "
-            f"{slip:.3g} times what is allowed"
-        )
+        said = f"drone {worse[1] + 1} begins or ends in another state than the motion's"
+        said += f": {slip:.3g} times what is allowed"
+    return [f"“{segment.message.name}”: {said}"] if said else []
