@@ -20,7 +20,6 @@ from showc.log import showc_pb2 as pb
 from showc.log.container import Message as LoggedMessage
 from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME, RULES, SEGMENTS, descriptor_set
-from showc.verify.kernel.bernstein import elevate
 from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Segment
 from showc.verify.report import Check, agreement
 
@@ -246,36 +245,22 @@ def _table(found: pb.Trajectory, offset: int) -> PieceTable:
         (found.state, found.state_degree + 1, WIDTHS[0]),
         (found.control, found.control_degree + 1, WIDTHS[1]),
     )
-    if not 0 < pieces <= CAPS["pieces"] or any(
-        terms > CAPS["degree"] + 1 or len(numbers) != pieces * terms * components
+    arrays = [np.array(found.breaks)]
+    if 0 < pieces <= CAPS["pieces"] and all(
+        terms <= CAPS["degree"] + 1 and len(numbers) == pieces * terms * components
         for numbers, terms, components in parts
     ):
-        raise Damage(offset, "a trajectory contradicts itself")
-    breaks = np.array(found.breaks)
-    state, control = (
-        np.array(numbers).reshape(pieces, terms, components)
-        for numbers, terms, components in parts
-    )
+        arrays += [np.array(some).reshape(pieces, *shape) for some, *shape in parts]
     # Numbers that are undefined make the comparisons false.
-    sizes = [np.abs(array).max() < LARGEST for array in (breaks, state, control)]
-    if not (np.all(np.diff(breaks) > 0.0) and all(sizes)):
+    small = len(arrays) == 3 and all(np.abs(one).max() < LARGEST for one in arrays)
+    if not (small and np.all(np.diff(arrays[0]) > 0.0)):
         raise Damage(offset, "a trajectory contradicts itself")
+    breaks, state, control = arrays
     drones, first = np.array([found.drone]), np.array([0, pieces])
     return PieceTable(drones, first, breaks[:-1], breaks[1:], state, control)
 
 
 def _segment(message: pb.Segment, flights: Sequence[PieceTable]) -> Segment:
-    """Join flights; those of lower degrees are written in the greatest ones.
-
-    That is exact to a few roundings a degree, at ends of intervals to the bit.
-    """
-    joined = {}
-    for name in ("drones", "start", "end", "state", "control"):
-        parts = [getattr(one, name) for one in flights]
-        if name in {"state", "control"}:
-            degree = max(part.shape[1] for part in parts) - 1
-            parts = [elevate(part, degree) for part in parts]
-        joined[name] = np.concatenate(parts)
-    first = np.cumsum([0, *(len(one.state) for one in flights)])
+    """Join the flights of a segment."""
     goals = np.array(message.goals).reshape(-1, 3)
-    return Segment(message, PieceTable(first=first, **joined), goals)
+    return Segment(message, PieceTable.joined(flights), goals)

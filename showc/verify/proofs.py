@@ -21,7 +21,7 @@ from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.missions.folder import Missions
-from showc.verify.report import Check, Place, Verdict, Verification, agreement, checked
+from showc.verify.report import Check, Place, Verification, agreement, checked
 from showc.verify.samples import Samples, join
 from showc.verify.specification.aborts import Aborts, bound_to
 from showc.verify.specification.cover import check_cover, read_anchor
@@ -155,10 +155,9 @@ def _done(
 ) -> dict[str, list[Any]]:
     """Do all parts of the work; what they found, under the same names."""
     parts = [part for some in work.values() for part in some]
-    watch.stage(
-        "proving physics, limits, separation, choreography, samples, missions",
-        len(parts),
-    )
+    if parts:
+        names = [name for name, some in work.items() if some]
+        watch.stage(f"proving {', '.join(names)}", len(parts))
     results = iter(side_by_side(parts, jobs, watch.advance))
     return {name: list(islice(results, len(some))) for name, some in work.items()}
 
@@ -175,10 +174,9 @@ def _integrity(log: LogFile) -> Check:
 
 def _check(statement: Statement) -> Check:
     """Turn what the kernel proves into a check."""
-    holds, drones = statement.holds, [drone + 1 for drone in statement.drones]
+    drones = [drone + 1 for drone in statement.drones]
     drone = drones[0] if len(drones) == 1 else None
     pair = (drones[0], drones[1]) if len(drones) == 2 else None
     where = Place(drone, pair, statement.segment, statement.time)
-    verdict: Verdict = "skipped" if holds is None else "pass" if holds else "fail"
-    facts = statement.value, statement.limit, statement.unit
-    return checked(statement.code, verdict, *facts, where=where, notes=statement.notes)
+    facts = statement.holds, statement.value, statement.limit, statement.unit
+    return checked(statement.code, *facts, where=where, notes=statement.notes)

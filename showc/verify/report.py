@@ -102,7 +102,7 @@ class Check:
 
 def checked(
     code: str,
-    verdict: Verdict,
+    verdict: Verdict | bool | None,  # noqa: FBT001 - a verdict too
     value: float | None = None,
     limit: float | None = None,
     unit: str = "",
@@ -110,7 +110,13 @@ def checked(
     where: Place | None = None,
     notes: tuple[str, ...] = (),
 ) -> Check:
-    """Return a check whose heading and name are those of its code."""
+    """Return a check whose heading and name are those of its code.
+
+    Of a verdict that is none of the words, true is ``pass``, false is ``fail``, and
+    None is ``skipped``.
+    """
+    if not isinstance(verdict, str):
+        verdict = "skipped" if verdict is None else "pass" if verdict else "fail"
     group = next(one for start, one in GROUPS.items() if code.startswith(start))
     facts = verdict, value, limit, unit, where or Place(), notes
     return Check(code, group, codes()[code].title, *facts)
@@ -120,7 +126,7 @@ def agreement(code: str, wrong: Iterable[str]) -> Check:
     """Return a check that holds if nothing is wrong, and else names what is."""
     bad = tuple(dict.fromkeys(wrong))
     more = (f"and {len(bad) - NAMED} more",) if len(bad) > NAMED else ()
-    return checked(code, "fail" if bad else "pass", notes=(*bad[:NAMED], *more))
+    return checked(code, not bad, notes=(*bad[:NAMED], *more))
 
 
 @dataclass(frozen=True, slots=True)

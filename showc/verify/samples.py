@@ -28,7 +28,7 @@ from showc.log.scene import fleet_transforms, point_cloud, root_transform, scene
 from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORMS
 from showc.verify.kernel.bernstein import values
 from showc.verify.kernel.slices import Tracks
-from showc.verify.report import Check, Place, Verdict, checked
+from showc.verify.report import Check, Place, checked
 from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
@@ -109,9 +109,9 @@ def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
         row = tracks.at(drones, part)
         start, end = table.start[row], table.end[row]
         share = np.clip((part - start) / (end - start), 0.0, 1.0)
-        both = [values(curves[row], share) for curves in (table.state, table.control)]
-        together = np.concatenate(both, axis=2)
-        result[:, begin : begin + step] = np.moveaxis(together, 2, 0)
+        both = [some for some in (table.state, table.control) if some.size]
+        found = np.concatenate([values(some[row], share) for some in both], axis=2)
+        result[:, begin : begin + step] = np.moveaxis(found, 2, 0)
     return result
 
 
@@ -138,13 +138,12 @@ class Compared:
 
     def check(self, code: str) -> Check:
         """Turn into a check."""
-        verdict: Verdict = "fail" if self.bad or self.odd else "pass"
+        holds = not (self.bad or self.odd)
         if not self.samples:
-            return checked(code, verdict, notes=tuple(self.odd[:3]))
+            return checked(code, holds, notes=tuple(self.odd[:3]))
         notes = [f"{self.samples:,} numbers compared"]
-        notes += [f"{self.bad:,} of them are off"] * bool(self.bad)
-        facts = code, verdict, self.value, 1.0, "of what is allowed"
-        notes += self.odd[:3]
+        notes += [f"{self.bad:,} of them are off"] * bool(self.bad) + self.odd[:3]
+        facts = code, holds, self.value, 1.0, "of what is allowed"
         return checked(*facts, where=self.where, notes=tuple(notes))
 
 

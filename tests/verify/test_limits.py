@@ -23,6 +23,7 @@ from showc.verify.kernel.dynamics import allocation, rotor_shares
 from showc.verify.kernel.limits import (
     RESOLUTION,
     Bound,
+    _coefficients,
     _greatest,
     bounds,
     extremes,
@@ -59,11 +60,17 @@ def table(rows):
     )
 
 
+def greatest(table, rules, bound):
+    """What is enclosed of a limit's quantity, as of each quantity of a segment."""
+    curves = np.asfortranarray(_coefficients(table, rules, bound.quantity))
+    return _greatest(table, curves, bound)
+
+
 @settings(deadline=None, max_examples=150, derandomize=True)
 @given(COEFFICIENTS, st.sampled_from([1.0, -1.0]))
 def test_greatest_value_is_enclosed(logged, sign):
     bound = Bound("velocity", "vy", sign, 5.0, 10.0, "m/s")
-    found = _greatest(table(logged), RULES, bound)
+    found = greatest(table(logged), RULES, bound)
     rows = sign * np.array(logged)
     fraction = np.linspace(0.0, 1.0, 2001)
     sampled = basis(len(rows[0]) - 1, fraction) @ np.array(rows).T
@@ -190,7 +197,7 @@ def test_level_speed_and_accelerations_are_enclosed(seed, degree):
         "least az": -push[..., 2].min(),
     }
     for name, value in truth.items():
-        found = _greatest(moving, RULES, named[name])
+        found = greatest(moving, RULES, named[name])
         most = value**2 if found.bound.squared else value
         size = max(most, found.bound.span**2, 1.0)
         assert most - 1e-12 * size <= found.upper <= most + 1e-4 * size
@@ -216,7 +223,7 @@ def test_jerk_is_enclosed_whatever_turns(seed, degree, held):
     direction = np.stack(thrust_direction(*(basis(4, shares) @ angles).T), axis=-1)
     change = np.diff(thrust[:, None] * direction, axis=0) / (shares[1] * width)
     truth = np.linalg.norm(change, axis=1).max()
-    found = _greatest(flown, rules, Bound("jerk", "jerk", 1.0, 9.0, 9.0, "m/s³"))
+    found = greatest(flown, rules, Bound("jerk", "jerk", 1.0, 9.0, 9.0, "m/s³"))
     assert truth <= np.sqrt(found.upper) * (1.0 + 1e-9)
     if held:
         # What the bound leaves out is the cosine of the roll.

@@ -303,8 +303,8 @@ def certified(segments: Sequence[Segment], beyond: Sequence[float]) -> list[Stat
         over = single - one.duration if 0.0 <= said.dual_bound <= single else np.inf
         order.append(_seen(one, 0, over))
     return [
-        worst(Statement("VRF341", None, None, TOLERANCE, "s"), bounds),
-        worst(Statement("VRF342", None, None, TOLERANCE, "s"), order),
+        worst("VRF341", TOLERANCE, "s", bounds),
+        worst("VRF342", TOLERANCE, "s", order),
     ]
 
 
@@ -317,7 +317,7 @@ def closest_claims(
         said = one.message.certificate
         if near is not None and (said.HasField("closest") or not one.holds):
             found.append(_seen(one, said.closest.drone_a, _off(show, one, near)))
-    return worst(Statement("VRF343", None, None, DISTANCE_TOLERANCE, "m"), found)
+    return worst("VRF343", DISTANCE_TOLERANCE, "m", found)
 
 
 def _seen(segment: Segment, drone: int, value: float) -> Seen:

@@ -48,10 +48,7 @@ def joined_up(show: LoggedShow) -> list[Statement]:
     ]
     if any(one.jerk for one in show.rules.limits):
         found.append(("VRF334", JOINT, "N", _thrusts))
-    stated = [
-        worst(Statement(code, None, None, limit, unit), seen(show))
-        for code, limit, unit, seen in found
-    ]
+    stated = [worst(code, limit, unit, seen(show)) for code, limit, unit, seen in found]
     return [*stated, _ground(show)]
 
 
@@ -172,4 +169,4 @@ def _ground(show: LoggedShow) -> Statement:
     away = [np.linalg.norm(own - one[:3], axis=1).min() for one in last.ends()[1]]
     launch = Seen("launch", 0.0, fleet, off)
     landing = Seen("landing", show.duration, fleet, np.array(away))
-    return worst(Statement("VRF338", None, None, REACHED, "m"), (launch, landing))
+    return worst("VRF338", REACHED, "m", (launch, landing))

@@ -167,7 +167,7 @@ def ties(show: LoggedShow, radii: Sequence[FloatArray]) -> list[Statement]:
             for one, some in zip(show.segments, radii, strict=True)
             for size in [np.linalg.norm(some[:, 3 * kind :][:, :3], order, axis=1)]
         ]
-        stated = worst(Statement(code, None, None, limit * turn, unit), seen)
+        stated = worst(code, limit * turn, unit, seen)
         found.append(replace(stated, time=None, notes=(_EVERY,)))
     return found
 

@@ -32,6 +32,7 @@ enclosed by :mod:`showc.verify.kernel.fence`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -212,7 +213,11 @@ def _jerk_square(table: PieceTable, rules: Rules) -> FloatArray:
 def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
     """Enclose the greatest value of each of :func:`bounds` over a segment."""
     asked, table = bounds(rules, rules.limits[segment.message.limits]), segment.table
-    found = [_greatest(table, rules, bound) for bound in asked]
+    found = []
+    for quantity, some in groupby(asked, key=lambda bound: bound.quantity):
+        # Rows last in memory: the least of each is then found in half the time.
+        curves = np.asfortranarray(_coefficients(table, rules, quantity))
+        found += [_greatest(table, curves, bound) for bound in some]
     fence = np.array(rules.site.fence).reshape(-1, 2)
     if fence.size:
         # On the fence itself nothing is left between inside and outside.
@@ -224,10 +229,10 @@ def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
     return found
 
 
-def _greatest(table: PieceTable, rules: Rules, bound: Bound) -> Extreme:
-    """Enclose a limit's quantity over all rows of a table."""
-    work = -bound.sign * _coefficients(table, rules, bound.quantity)
-    rounding = GAMMA * float(np.abs(work).max())
+def _greatest(table: PieceTable, curves: FloatArray, bound: Bound) -> Extreme:
+    """Enclose a limit's quantity, ``curves`` (rows, degree + 1), over a table."""
+    work = -bound.sign * curves
+    rounding = GAMMA * float(max(work.max(), -work.min()))
     if not np.isfinite(rounding):
         return Extreme(bound, np.inf, np.inf, int(table.drones[0]), 0.0)
     resolution = RESOLUTION * (bound.span**2 if bound.squared else bound.span)

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from showc.verify.kernel.bernstein import elevate
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Rules, Vector3
@@ -50,6 +52,22 @@ class PieceTable:
     control: FloatArray
     """Bernstein coefficients, shape (rows, control degree + 1, 4)."""
 
+    @classmethod
+    def joined(cls, tables: Sequence[PieceTable]) -> PieceTable:
+        """Join tables; those of lower degrees are written in the greatest ones.
+
+        That is exact to a few roundings a degree, at ends of intervals to the bit.
+        """
+        columns = {}
+        for name in ("drones", "start", "end", "state", "control"):
+            parts = [getattr(one, name) for one in tables]
+            if name in {"state", "control"}:
+                degree = max(part.shape[1] for part in parts) - 1
+                parts = [elevate(part, degree) for part in parts]
+            columns[name] = np.concatenate(parts)
+        counts = np.concatenate([np.diff(one.first) for one in tables])
+        return cls(first=np.append(0, np.cumsum(counts)), **columns)
+
     @property
     def owner(self) -> IntArray:
         """Drone of each row, shape (rows,)."""
@@ -61,12 +79,12 @@ class PieceTable:
         # Where they are constant, there is no coefficient left.
         return degree * np.diff(curves, axis=1) / width if degree else 0.0 * curves
 
-    def chosen(self, rows: BoolArray) -> PieceTable:
+    def chosen(self, rows: BoolArray | slice) -> PieceTable:
         """Return the table of those rows (rows,) alone."""
         drones, first = np.unique(self.owner[rows], return_index=True)
         columns = self.start, self.end, self.state, self.control
-        some = (column[rows] for column in columns)
-        return PieceTable(drones, np.append(first, np.count_nonzero(rows)), *some)
+        start, *others = (column[rows] for column in columns)
+        return PieceTable(drones, np.append(first, start.size), start, *others)
 
     def parts(self, rows: int) -> Iterator[PieceTable]:
         """Cut into tables of whole drones with about ``rows`` rows each."""
@@ -74,11 +92,7 @@ class PieceTable:
         while begin < self.drones.size:
             end = int(np.searchsorted(self.first, self.first[begin] + rows, "right"))
             end = min(max(end - 1, begin + 1), self.drones.size)
-            part = slice(int(self.first[begin]), int(self.first[end]))
-            first = self.first[begin : end + 1] - part.start
-            columns = self.start, self.end, self.state, self.control
-            some = (column[part] for column in columns)
-            yield PieceTable(self.drones[begin:end], first, *some)
+            yield self.chosen(slice(int(self.first[begin]), int(self.first[end])))
             begin = end
 
 
@@ -175,12 +189,13 @@ class Seen(NamedTuple):
     """Shape of ``drones``."""
 
 
-def worst(asked: Statement, found: Iterable[Seen]) -> Statement:
+def worst(code: str, limit: float, unit: str, found: Iterable[Seen]) -> Statement:
     """State whether all values keep the limit, and which is the worst.
 
     What is undefined keeps no limit; where nothing is found, nothing is to be proved.
     """
-    stated, count, limit = replace(asked, notes=("there is none",)), 0, asked.limit or 0
+    nothing = ("there is none",)
+    stated, count = Statement(code, None, None, limit, unit, notes=nothing), 0
     for one in found:
         values = np.where(np.isnan(one.values), np.inf, one.values)
         count += int(np.sum(values > limit))
@@ -188,7 +203,7 @@ def worst(asked: Statement, found: Iterable[Seen]) -> Statement:
         if top > (-np.inf if stated.value is None else stated.value):
             at = int(np.argmax(values))
             time = float(np.broadcast_to(one.time, values.shape)[at])
-            facts = asked.code, top <= limit, top, asked.limit, asked.unit
+            facts = code, top <= limit, top, limit, unit
             stated = Statement(*facts, (int(one.drones[at]),), one.segment, time)
     notes = (f"{count:,} findings of this kind",) if count > 1 else ()
     return stated if stated.value is None else replace(stated, notes=notes)

@@ -18,7 +18,7 @@ from showc.verify.kernel.fence import enclosed
 from showc.verify.kernel.show import LoggedShow, xyz
 from showc.verify.missions import separation
 from showc.verify.missions.law import CONSTANTS, KNOWN
-from showc.verify.report import Check, Place, Verdict, agreement, checked
+from showc.verify.report import Check, Place, agreement, checked
 from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
@@ -104,9 +104,8 @@ def visits(
         if wrong:
             break
     count = np.count_nonzero(found >= 0)
-    verdict: Verdict = "fail" if wrong else "pass"
     note = wrong or f"{count:,} places, to 1e-7 degrees and 1.2 cm of height"
-    facts = "VRF404", verdict, worst, 1.0, "of the resolution"
+    facts = "VRF404", not wrong, worst, 1.0, "of the resolution"
     return found, checked(*facts, where=Place(where + 1), notes=(note,))
 
 
@@ -184,16 +183,15 @@ def _check_slots(
     waits = [one - before for before, one in pairwise(sorted(ends))]
     patience = max(waits) + 2.0 * CONSTANTS["tick"] + CONSTANTS["spin_up"]
     note = f"{legs.size:,} slots, at least {pause:g} s after the latest end"
-    value = worst if legs.size else 0.0
-    verdict: Verdict = "pass"
-    if not worst >= -CONSTANTS["same"]:
-        line, verdict = fleet.lines[leg - 1], "fail"
+    value, late = worst if legs.size else 0.0, worst >= -CONSTANTS["same"]
+    if not late:
+        line = fleet.lines[leg - 1]
         note = f"released {-worst:.2f} s too early after line {line}"
     elif not longest <= patience:
-        value, verdict = -longest, "fail"
-        where = Place(time=float(times[order[int(np.argmax(idle))]]))
+        value, where = -longest, Place(time=float(times[order[int(np.argmax(idle))]]))
         note = f"no drone flies for {longest:.1f} s longer than slots need"
-    return checked("VRF408", verdict, value, 0.0, "s", where=where, notes=(note,))
+    holds = late and longest <= patience
+    return checked("VRF408", holds, value, 0.0, "s", where=where, notes=(note,))
 
 
 def _boundaries(fleet: FleetLegs, site: Site) -> Iterator[Check]:
@@ -227,10 +225,9 @@ def _boundaries(fleet: FleetLegs, site: Site) -> Iterator[Check]:
 
 
 def _boundary(code: str, fleet: FleetLegs, spare: float, leg: int) -> Check:
-    verdict: Verdict = "pass" if spare >= -CONSTANTS["rounding"] else "fail"
     way = f"tightest on the way to the place of line {fleet.lines[leg]}"
     note = "with what is flown beyond the ends of legs, but for the format's rounding"
-    facts = code, verdict, spare, 0.0, "m to spare"
+    facts = code, spare >= -CONSTANTS["rounding"], spare, 0.0, "m to spare"
     return checked(*facts, where=Place(int(fleet.owner[leg]) + 1), notes=(way, note))
 
 
@@ -243,8 +240,7 @@ def _apart(code: str, found: Encounter, wanted: float) -> Check:
     note = f"{less} of the format's rounding and of the proofs' resolution"
     pair, time = (found.pair[0] + 1, found.pair[1] + 1), found.time or None
     where = Place(pair=pair, time=time)
-    verdict: Verdict = "pass" if bound >= limit else "fail"
-    return checked(code, verdict, bound, limit, "m", where=where, notes=(note,))
+    return checked(code, bound >= limit, bound, limit, "m", where=where, notes=(note,))
 
 
 def _as_claimed(

@@ -104,12 +104,13 @@ class Profiles:
         gap = 0.44 * np.exp(np.minimum(-t, 0.0) / 1.33)
         return np.asarray(t - 0.16 + self.level[leg] ** 2 * (gap - 0.28))
 
-    def delayed(
-        self, leg: IntArray, low: FloatArray, high: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Law's times (m,) of the latest drone at low and the earliest at high [s]."""
-        spread = self.spread[leg]
-        return self.law_time(leg, low) - spread, self.law_time(leg, high) + spread
+    def between(self, leg: IntArray, low: FloatArray, high: FloatArray) -> Covered:
+        """Return what is covered of legs (m,) from low to high (m,) since release [s].
+
+        That is from the latest drone at low to the earliest one at high.
+        """
+        late, early = self.law_time(leg, low), self.law_time(leg, high)
+        return self.covered(leg, late - self.spread[leg], early + self.spread[leg])
 
     def followed(self, late: float | FloatArray) -> FloatArray:
         """Time (n,) [s] since its release at which each leg has surely been flown.

@@ -68,10 +68,9 @@ class Stretch:
         """Places and velocities (m, axes) of drones (m,) from low to high (m,) [s]."""
         leg, flights = self.leg[drone], self.fleet.profiles
         release = self.release[drone]
-        late, early = flights.delayed(leg, low - release, high - release)
         excess = np.where(self._moving(drone, low), flights.excess[leg], 1.0)
         begin, along = self.begin[drone], self.along[drone]
-        covered = flights.covered(leg, late, early)
+        covered = flights.between(leg, low - release, high - release)
         rear, front, slow, fast = (part[:, None] * along for part in covered)
         front, fast = excess[:, None] * front, excess[:, None] * fast
         # The law's time runs slower than the clock at first, by up to 35 %.
@@ -223,8 +222,8 @@ def nearest_landing(fleet: FleetLegs, wanted: Separation) -> Encounter:
     land, last = fleet.first[1:] - 1, over[fleet.timed].max(initial=-np.inf)
     for drone, own in enumerate(land.tolist()) if leaves[land].min() < last else ():
         legs = np.flatnonzero((over > leaves[own]) & (fleet.owner != drone))
-        late, _ = flights.delayed(legs, *[leaves[own] - fleet.release[legs] - lag] * 2)
-        flown, excess = flights.covered(legs, late, late).rear, flights.excess[legs]
+        since, excess = leaves[own] - fleet.release[legs] - lag, flights.excess[legs]
+        flown = flights.between(legs, since, since).rear
         for measure in measures(wanted):
             start, stop = (measure.space(some) for some in (fleet.begin, fleet.end))
             way = stop[legs] - start[legs]
@@ -319,8 +318,7 @@ class Tubes:
         # Where there is no timed leg, the landing stands for it.
         leg = first + UNTIMED - 2 + rank
         since = np.repeat(times, fleet.drones) - self._released[drone, rank - 1]
-        late, early = table.delayed(leg, since - CONSTANTS["clock_lag"], since)
-        covered = table.covered(leg, late, early)
+        covered = table.between(leg, since - CONSTANTS["clock_lag"], since)
         # Beyond its end a drone swings for longer than it counts for the separation.
         front = covered.front * table.excess[leg]
         begin, along = fleet.begin[leg], (fleet.end - fleet.begin)[leg]

@@ -29,7 +29,7 @@ from showc.verify.kernel.choreography import MOMENT, REACHED, joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
-from showc.verify.kernel.show import LoggedShow, Seen, Segment, Statement, worst
+from showc.verify.kernel.show import LoggedShow, PieceTable, Seen, Statement, worst
 from showc.verify.report import Check, agreement
 from showc.verify.samples import flown
 from showc.verify.specification.compare import differences, read_json
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.log.container import LogFile
     from showc.script.show import Show
+    from showc.verify.kernel.show import Segment
 
 GROUNDED = 0.05
 """Height over the pads up to which a drone stands on the ground [m]."""
@@ -122,8 +123,8 @@ class Aborts:
             _one("VRF354", [separated(show, radii, closest_of(near))]),
             _one("VRF355", joined),
         ]
-        clock = Statement("VRF356", None, limit=SLACK, unit="m/s²")
-        stated = [*(stated if joined else ()), worst(clock, self._beyond())]
+        clock = worst("VRF356", SLACK, "m/s²", self._beyond())
+        stated = [*(stated if joined else ()), clock]
         return replace(rows, notes=(note, *rows.notes)), stated
 
     def strange(self) -> Iterator[str]:
@@ -205,13 +206,9 @@ class Aborts:
         most = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
         room = np.sqrt(max(most**2 - level**2, 0.0)) - vehicle.gravity
         allowed = np.array([level, limits.acceleration_up or max(room, 0.0), down])
-        found = [(one.start, one.table) for one in self.logged.segments]
-        drones = np.concatenate([t.owner for _, t in found])
-        begin = np.concatenate([start + t.start for start, t in found])
-        end = np.concatenate([start + t.end for start, t in found])
-        width, degree = end - begin, max(t.state.shape[1] for _, t in found) - 1
-        speed = np.concatenate([elevate(t.state[:, :, 3:6], degree) for _, t in found])
-        slope = elevate(degree * np.diff(speed, axis=1) / width[:, None, None], degree)
+        table = PieceTable.joined([_speeds(one) for one in self.logged.segments])
+        begin, end, drones, speed = table.start, table.end, table.owner, table.state
+        width, slope = end - begin, elevate(table.slope(speed), speed.shape[1] - 1)
         for row in self.sound:
             rates, times = self._clock(row)
             for at in np.flatnonzero(row.changes):
@@ -244,6 +241,13 @@ class Aborts:
             yield "it does not end on the ground"
         if legs and any(inside_polygon(goals, area).any() for area in taken):
             yield "it ends among people, or on a building"
+
+
+def _speeds(one: Segment) -> PieceTable:
+    """Return the velocities alone, by show time."""
+    start, end = one.start + one.table.start, one.start + one.table.end
+    state, control = one.table.state[:, :, 3:6], one.table.control[:, :, :0]
+    return replace(one.table, start=start, end=end, state=state, control=control)
 
 
 def _greatest(acceleration: FloatArray) -> FloatArray:

@@ -22,10 +22,9 @@ from showc.script.lanes import arrival, chapters, common, departure, own_times
 from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, REACHED
 from showc.verify.report import Check, agreement
+from showc.verify.specification import motion
 from showc.verify.specification.compare import differences, unlike
 from showc.verify.specification.cover import rules_message
-from showc.verify.specification.lanes import ON_TIME, Flight, Lanes, StrayError
-from showc.verify.specification.motion import astray, standing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -98,7 +97,7 @@ def hold_against(show: Show, logged: LoggedShow) -> Demands:
     walk = _Walk(show, logged, demands)
     try:
         walk.run()
-    except StrayError as stray:
+    except motion.StrayError as stray:
         demands.legs.append(str(stray))
     else:
         demands.lights = LightProgram(show.drones, logged.duration, tuple(walk.spans))
@@ -124,7 +123,7 @@ class _Walk:
         self.formations = {name: one.points for name, one in show.formations.items()}
         self.limits: list[Limits] = []
         self.spans: list[LightSpan] = []
-        self.placed: list[tuple[Transition, IntArray, IntArray]] = []
+        self.placed: list[LaneMove] = []
         self.grows: Iterator[bool] = iter(())
         """Whether each hold, in order, lasts until a given time."""
         self.carried = 0
@@ -186,86 +185,75 @@ class _Walk:
         """One transition of the fleet, or several of groups at once, and the hold."""
         show, first, own = self.show, transitions[0], own_times(transitions)
         name, to = " + ".join(one.name for one in transitions), first.to
-        duration = None if own else common(transitions)
-        if first.group is None and first.under_way[0]:
-            to = self._unused(f"{to} in motion")
-            self.formations[to] = self._met(first)
         if first.group is not None:
             last = {one.group: one.to for one in transitions}
             to = self._unused(" + ".join(f"{group} in {last[group]}" for group in last))
+        elif first.under_way[0]:
+            to = self._unused(f"{to} in motion")
+        duration = None if own else common(transitions)
         count = sum(1 + bool(one.motion) for one in transitions) if own else 0
         segment = self._leg("transition", name, to, duration=duration, moves=count)
-        begin, end = segment.start, segment.end
-        flights = [Flight(begin, end) for _ in transitions]
+        flights = [motion.Flight(segment.start, segment.end) for _ in transitions]
         if own:
-            self.lanes = Lanes(show, self.logged, segment, transitions)
+            both = self.demands, self.logged
+            self.lanes = motion.Lanes(*both, segment, transitions, show.groups)
             flights = self.lanes.flights
-            self.demands.claims += self.lanes.claims
-            self.demands.legs += self.lanes.unproved
-            self.demands.times += self.lanes.times
-        for one, flight in zip(transitions, flights, strict=True):
-            self._on_time(one, flight.begin, flight.end)
         self._place(segment, transitions, flights)
-        if first.group is not None:
-            self.formations[to] = segment.goals
-        places = self.placed[0][2] if first.group is None else self.fleet
+        places = self.fleet if first.group is not None else self.placed[0].places
+        if to not in self.formations:
+            goals = segment.goals if first.group is not None else self._met(first)
+            self.formations[to] = goals
         self._expect(segment, segment.goals, places)
-        if not own:
-            self._shine(segment, self.colours, first.fade)
-            hold = max(one.hold for one in transitions)
-            moving = [self._moving(*one) for one in self.placed if one[0].motion]
-            after = self._hold(name, hold, moving)
-            # By the places of the goals: those that the log claims may be any.
-            lit = [Lit(one.lights, *there) for one, *there in self.placed]
-            effect = first.effect or show.formations[first.to].effect
-            self._shine(after, self.lit, "linear", effect, lit)
+        if own:
+            over = max(one.end + one.transition.hold for one in self.placed)
+            held = self._hold(name, round(over - segment.end, 3)) or segment
+            window = segment.start, held.end
+            for span in lane_spans(show, self.placed, self.lit, window):
+                self.spans.append(span)
+                self.lit[span.drones] = span.linear(np.array([span.duration]))[0]
             return
-        both = list(zip(self.placed, flights, strict=True))
-        over = max(at.end + one.hold for (one, *_), at in both)
-        after = self._hold(name, round(over - end, 3)) or segment
-        moves = [LaneMove(*one, at.begin, at.end) for one, at in both]
-        for span in lane_spans(show, moves, self.lit, (begin, after.end)):
-            self.spans.append(span)
-            self.lit[span.drones] = span.linear(np.array([span.duration]))[0]
-
-    def _on_time(self, one: Transition, start: float, end: float) -> None:
-        """Hold the times of a move against those that the script asks for."""
-        both = (departure(one), start, "starts"), (arrival(one), end, "arrives")
-        for asked, taken, what in both:
-            if asked is not None and not abs(taken - asked) <= ON_TIME:
-                text = f"“{one.name}” {what} at {taken:.3f} s, the script asks for "
-                self.demands.times.append(f"{text}{asked:.3f} s")
+        self._shine(segment, self.colours, first.fade)
+        hold = max(one.hold for one in transitions)
+        moving = [self._moving(one) for one in self.placed if one.transition.motion]
+        after = self._hold(name, hold, moving)
+        # By the places of the goals: those that the log claims may be any.
+        lit = [Lit(m.transition.lights, m.drones, m.places) for m in self.placed]
+        effect = first.effect or show.formations[first.to].effect
+        self._shine(after, self.lit, "linear", effect, lit)
 
     def _place(
-        self, segment: Segment, transitions: Sequence[Transition], flights: list[Flight]
+        self,
+        segment: Segment,
+        transitions: Sequence[Transition],
+        flights: list[motion.Flight],
     ) -> None:
-        """Check the goals of the fleet, or of groups; others stay where they are.
+        """Check times and goals of the fleet, or of groups; others stay where they are.
 
         Where a group moves on in the leg, its goal is where it is at the end of a move.
         """
-        apart = own_times(transitions)
+        apart, final = own_times(transitions), {one.group: one for one in transitions}
         others, resting = np.ones((2, self.show.drones), dtype=bool)
         colours = self.colours.copy()
         self.placed, moved = [], []
-        final = {one.group: at for at, one in enumerate(transitions)}
-        for at, transition in enumerate(transitions):
-            group = transition.group
+        for transition, flight in zip(transitions, flights, strict=True):
+            group, last = transition.group, transition is final[transition.group]
             members = np.array(self.fleet if group is None else self.show.groups[group])
+            self._on_time(transition, flight)
             others[members] = False
-            formation = self.show.formations[transition.to]
             self.parking[members] = PARKED
             goals, error = segment.goals[members], PLACE_ERROR
-            flight, last = flights[at], at == final[group]
             if flight.until or not last:
                 goals, error = self.lanes.at(members, flight.end)[:, :3], REACHED
             places = self._given(segment, transition, members, goals, error)
-            self.placed.append((transition, members, places))
+            one = LaneMove(transition, members, places, flight.begin, flight.end)
+            self.placed.append(one)
             times = flight.begin, flight.end - flight.begin
             own = segment.message.index, transition.name, *times, members, goals
             moved.append(Move(*own, transition.hold))
             if flight.until:
-                self._moved(segment, flight, last=last)
+                self._moved(segment, one, flight, last=last)
                 resting[members] = not (last and transition.under_way[1])
+            formation = self.show.formations[transition.to]
             colours[members] = shown(transition, formation, places)
         stay = _near(segment.goals[others], self.before[others])
         # Groups that keep times of their own fly round all others.
@@ -280,34 +268,43 @@ class _Walk:
             if (np.abs(segment.ends()[1][resting][:, AT_REST]) > JOINT).any():
                 self._wrong(segment, "drones that are not left in motion do not rest")
 
-    def _moved(self, segment: Segment, flight: Flight, *, last: bool) -> None:
-        """Look at what a group does while it holds the formation placed last."""
-        transition, members, places = self.placed[-1]
-        moving, parked = self._moving(*self.placed[-1]), members[places < 0]
-        look = partial(self.lanes.astray, moving, parked, flight, transition.name)
+    def _on_time(self, one: Transition, flight: motion.Flight) -> None:
+        """Hold the times of a move against those that the script asks for."""
+        starts = departure(one), flight.begin, "starts"
+        for asked, taken, what in (starts, (arrival(one), flight.end, "arrives")):
+            if asked is not None and not abs(taken - asked) <= motion.ON_TIME:
+                text = f"“{one.name}” {what} at {taken:.3f} s, the script asks for "
+                self.demands.times.append(f"{text}{asked:.3f} s")
+
+    def _moved(
+        self, segment: Segment, one: LaneMove, flight: motion.Flight, *, last: bool
+    ) -> None:
+        """Look at what a group does while it holds its formation in motion."""
+        moving, parked = self._moving(one), one.drones[one.places < 0]
+        still = motion.standing(parked, self.lanes.at(parked, flight.end)[:, :3])
+        span, name = (flight.end, flight.until), one.transition.name
+        look = partial(motion.astray, segment, [moving, still], span, name)
         self.demands.motions.append(look)
         goal, goals = moving.ends(flight.until - flight.end)[1][0], segment.goals
-        there = self.lanes.at(parked, flight.end)[:, :3]
-        near = _near(goals[moving.rows], goal) and _near(goals[parked], there, REACHED)
-        if last and not near:
+        near = _near(goals[moving.rows], goal)
+        if last and not (near and _near(goals[parked], still.places, REACHED)):
             self._wrong(segment, "goals are not where a motion ends")
 
     def _met(self, transition: Transition) -> FloatArray:
         """Places of a formation when drones arrive, its motion perhaps under way."""
-        formation = self.show.formations[transition.to]
+        points = self.show.formations[transition.to].points
         if not transition.under_way[0]:
-            return formation.points
-        every = np.arange(len(formation.points))
+            return points
+        every = np.arange(len(points))
         # Where it is at the start does not depend on how long it is held.
-        return np.asarray(self._moving(transition, every, every).ends(1.0)[0][0])
+        whole = self._moving(LaneMove(transition, every, every, 0.0, 0.0))
+        return np.asarray(whole.ends(1.0)[0][0])
 
-    def _moving(
-        self, transition: Transition, drones: IntArray, places: IntArray
-    ) -> MovingPlaces:
+    def _moving(self, one: LaneMove) -> MovingPlaces:
         """Return how drones, each at its place of a formation, are to move with it."""
-        drones, places = drones[places >= 0], places[places >= 0]
-        every = self.show.formations
-        return moving_places(drones, places, every[transition.to], transition, every)
+        given, every = one.places >= 0, self.show.formations
+        rows = one.drones[given], one.places[given]
+        return moving_places(*rows, every[one.transition.to], one.transition, every)
 
     def _given(
         self,
@@ -362,14 +359,14 @@ class _Walk:
         groups have times of their own in it.
         """
         if self.next >= len(self.logged.segments):
-            raise StrayError(f"the log lacks the leg “{name}”")
+            raise motion.StrayError(f"the log lacks the leg “{name}”")
         segment = self.logged.segments[self.next]
         message = segment.message
         limits = limits or self.show.limits
         if limits not in self.limits:
             self.limits.append(limits)
         if message.kind != pb.Segment.Kind.Value(kind.upper()) or message.name != name:
-            raise StrayError(
+            raise motion.StrayError(
                 f"leg {self.next + 1} is “{message.name}”, the script asks for “{name}”"
             )
         facts: list[tuple[str, Any, Any]] = [
@@ -430,8 +427,10 @@ class _Walk:
         self._expect(segment, goals, self.places)
         if moving:
             others = np.setdiff1d(self.fleet, np.concatenate([m.rows for m in moving]))
-            still = standing(others, self.before[others])
-            self.demands.motions.append(partial(astray, segment, [*moving, still]))
+            still = motion.standing(others, self.before[others])
+            span = segment.start, segment.end
+            look = partial(motion.astray, segment, [*moving, still], span, title)
+            self.demands.motions.append(look)
             self.leaving = any(one.under_way[1] for one in moving)
         return segment
 
@@ -474,11 +473,6 @@ def _one_to_one(
     goals: FloatArray, allowed: FloatArray, error: float = PLACE_ERROR
 ) -> IntArray | None:
     """Find the place of each goal; None unless each has one of its own."""
-    # Places stand apart by the separation: sorting by rounded numbers pairs them.
-    found = np.empty(len(goals), dtype=np.int64)
-    for row, goal in enumerate(goals):
-        near = np.flatnonzero(np.all(np.abs(allowed - goal) <= error, axis=1))
-        if near.size != 1:
-            return None
-        found[row] = near[0]
-    return found if np.unique(found).size == found.size else None
+    near = np.array([(np.abs(allowed - at) <= error).all(axis=1) for at in goals])
+    alone = (near.sum(axis=1) == 1).all() and (near.sum(axis=0) <= 1).all()
+    return near.argmax(axis=1) if alone else None
