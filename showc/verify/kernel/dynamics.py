@@ -391,10 +391,10 @@ def _sums(first: IntArray, start: FloatArray, steps: FloatArray) -> FloatArray:
 
     ``start`` (6, drones) are the first ones, ``steps`` (6, rows) what is added on each.
     """
-    found = np.empty_like(steps)
-    for drone, (begin, end) in enumerate(pairwise(first.tolist())):
-        each = np.column_stack([start[:, drone], steps[:, begin : end - 1]])
-        np.cumsum(each, axis=1, out=found[:, begin:end])
+    found = np.roll(steps, 1, axis=1)
+    found[:, first[:-1]] = start
+    for begin, end in pairwise(first.tolist()):
+        np.cumsum(found[:, begin:end], axis=1, out=found[:, begin:end])
     return found
 
 

@@ -140,12 +140,12 @@ def astray(
     far, slip = np.zeros((2, len(segment.goals)))
     for one in parts:
         order, table = np.argsort(one.rows), part.table
+        asked = _restless(one, part.duration) if one.motions else 0.0
         for some in table.chosen(np.isin(table.owner, one.rows)).parts(_ROWS):
             row = order[np.searchsorted(one.rows, some.drones, sorter=order)]
             # Frames of one place are those of all.
             own = (each if each.shape[1] == 1 else each[:, row] for each in one.frames)
             mine = replace(one, rows=row, places=one.places[row], frames=tuple(own))
-            asked = _restless(one, part.duration) if one.motions else 0.0
             found = _strayed(some, mine, part.duration, asked)
             far[some.drones], slip[some.drones] = found
     worst, other = int(np.argmax(far)), int(np.argmax(slip))
@@ -208,7 +208,7 @@ def during(
     whole = (table.start >= first - MOMENT) & (table.end <= last + MOMENT)
     if (within & ~whole).any():
         return None
-    table = table.chosen(within)
+    table = table if within.all() else table.chosen(within)
     table = replace(table, start=table.start - first, end=table.end - first)
     return replace(segment, message=message, table=table)
 
