@@ -52,7 +52,7 @@ JOINED = np.array([1e-5, 1e-4, 1e-2])
 """How far velocity [m/s], acceleration [m/s²] and jerk [m/s³] at an end of a motion may
 be from those asked for: of these a hover is left with 0.001 deg and 0.06 deg/s."""
 
-_REST = 4e-4
+_REST = 8e-4
 """Share of it that is left to what happens between two instants [m]."""
 _MOST = 200_000
 """Instants of one motion at which a look gives up."""
