@@ -19,6 +19,10 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 # A shell that runs the suite in its background has interrupts ignored, and processes
 # hand that on: those that tests interrupt would never hear of it.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+# Some hundred processes of showc start in one run. Without bytecode on disk, each of
+# them compiles all that it imports, and takes nearly twice as long to start.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 
 @pytest.hookimpl(optionalhook=True)
