@@ -62,11 +62,10 @@ def elevate(coefficients: FloatArray, target: int) -> FloatArray:
 def halves(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Coefficients of the same polynomials on the first and the second half."""
     left, right = coefficients.copy(), coefficients.copy()
-    degree = coefficients.shape[1] - 1
-    for step in range(1, degree + 1):
-        left[:, step:] = 0.5 * (left[:, step - 1 : -1] + left[:, step:])
-        last = degree - step + 1
-        right[:, :last] = 0.5 * (right[:, :last] + right[:, 1 : last + 1])
+    for step in range(1, coefficients.shape[1]):
+        # De Casteljau's triangle: the ends of its rows are what the halves have.
+        coefficients = 0.5 * (coefficients[:, :-1] + coefficients[:, 1:])
+        left[:, step], right[:, -1 - step] = coefficients[:, 0], coefficients[:, -1]
     return left, right
 
 
@@ -149,19 +148,19 @@ def least(
         rows = np.flatnonzero(~(bound >= best - resolution))
         for end in (0, -1):
             value = reached(work[rows, end])
-            index = int(np.argmin(value)) if value.size else 0
+            index = int(value.argmin()) if value.size else 0
             if value.size and value[index] < best:
                 at = rows[index]
                 best, where = float(value[index]), int(row[at])
                 fraction = float(begin[at] - end * length[at])
         undecided = ~(bound >= best - resolution)
-        lower = min(lower, float(np.min(bound[~undecided], initial=np.inf)))
+        lower = min(lower, float(bound[~undecided].min(initial=np.inf)))
         if not undecided.any():
             return Least(min(lower, best), best, where, fraction)
         if np.count_nonzero(undecided) > MOST:
             break
         work = np.concatenate(halves(work[undecided]))
-        row, length = np.tile(row[undecided], 2), np.tile(0.5 * length[undecided], 2)
-        half = begin[undecided]
-        begin = np.concatenate([half, half + length[: half.size]])
+        same, half, begin = row[undecided], 0.5 * length[undecided], begin[undecided]
+        row, length = np.concatenate([same, same]), np.concatenate([half, half])
+        begin = np.concatenate([begin, begin + half])
     return Least(-np.inf, best, where, fraction)
