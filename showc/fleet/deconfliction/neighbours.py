@@ -32,10 +32,13 @@ def near_pairs(
     """
     if points.shape[0] <= FEW:
         first, second = all_pairs(points.shape[0])
-        gap = np.abs(points[first] - points[second])
-        # Both norms are at most this far from each other, whichever is meant.
-        near = np.all(gap <= reach, axis=1)
-        return first[near], second[near]
+        # Both norms are at most this far from each other, whichever is meant. The
+        # longest axis first: of its pairs few are left to look at along the others.
+        for axis in np.argsort(-np.ptp(points, axis=0)).tolist():
+            place = np.ascontiguousarray(points[:, axis])
+            near = np.abs(place[first] - place[second]) <= reach
+            first, second = first[near], second[near]
+        return first, second
     from scipy.spatial import cKDTree  # noqa: PLC0415 - only for many points
 
     pairs = cKDTree(points).query_pairs(reach, p=norm, output_type="ndarray")
