@@ -60,14 +60,18 @@ class Case:
         self.log = open_log(self.path)
         self.show = read_show(self.log)
         self.script = flight.itinerary.show
+        # What lies in the folder, by name.
+        self.written = {}
         self._write(self.files, self.manifest)
 
     def _write(self, files, manifest):
-        for name, content in files.items():
-            path = self.folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        (self.folder / "manifest.json").write_bytes(manifest)
+        for name, content in {**files, "manifest.json": manifest}.items():
+            # Most of a folder is as it was after a lie, and stays.
+            if self.written.get(name) != content:
+                path = self.folder / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+                self.written[name] = content
 
     def checks(self, script=None):
         """All checks of the missions, by code."""
@@ -114,6 +118,7 @@ class Case:
             self.log = whole
             for name in set(files) - set(self.files):
                 (self.folder / name).unlink()
+                del self.written[name]
             self._write(self.files, self.manifest)
 
     def with_row(self, drone, change):

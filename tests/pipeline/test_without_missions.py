@@ -42,7 +42,8 @@ def test_the_log_alone_is_made_and_proved(run_showc, tmp_path):
 
 def test_the_log_is_written_whatever_becomes_of_the_missions(run_showc, tmp_path):
     # Slots of minute and second come round within the hour that is held here.
-    (tmp_path / "hour.yaml").write_text(SCRIPT.replace("hold: 1}", "hold: 3600}"))
+    hour = SCRIPT.replace("hold: 1}", "hold: 3600}") + "log_rate: 1\n"
+    (tmp_path / "hour.yaml").write_text(hour)
     run = run_showc("compile", "hour.yaml", "-o", "hour.mcap", cwd=tmp_path)
     assert run.code == 1
     assert run.out.count("no missions were written") == 1
