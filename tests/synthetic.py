@@ -10,8 +10,9 @@ differential flatness, fitted by polynomials: good to look at, not exact physics
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cache
 from math import cos, isqrt, radians, sin, tau
 
 import numpy as np
@@ -125,6 +126,43 @@ def hold_trajectory(
     )
 
 
+@dataclass(frozen=True)
+class Glide:
+    """The way of one metre that all glides of a duration are multiples of."""
+
+    breaks: np.ndarray
+    """Ends of the intervals, shape (i + 1,) [s]."""
+    place: np.ndarray
+    """Coefficients on each interval, shape (i, degree + 1) [m]."""
+    speed: np.ndarray
+    """Of its derivative, in the same degree [m/s]."""
+    derivatives: tuple[np.ndarray, ...]
+    """Acceleration, jerk and snap at the nodes, each of shape (i, degree + 1), SI."""
+    fit: np.ndarray
+    """Coefficients from values at the nodes, shape (degree + 1, degree + 1)."""
+
+
+@cache
+def unit_glide(duration: float) -> Glide:
+    """Cut a quintic into three intervals of degree 7."""
+    breaks = duration * np.array([0.0, 0.3, 0.7, 1.0])
+    degree = 7
+    nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
+    path = quintic(0.0, 1.0, duration).split(breaks)
+    speed = path.derivative()
+    derivatives = [speed.derivative()]
+    for _ in range(2):
+        derivatives.append(derivatives[-1].derivative())
+    time = breaks[:-1, None] + np.diff(breaks)[:, None] * nodes
+    return Glide(
+        breaks,
+        path.elevated(degree).coefficients[..., 0],
+        speed.elevated(degree).coefficients[..., 0],
+        tuple(one(time)[..., 0] for one in derivatives),
+        bernstein_basis_inverse(degree, tuple(nodes)),
+    )
+
+
 def gliding_trajectory(
     vehicle: Quadrotor, start: np.ndarray, goal: np.ndarray, duration: float, yaw: float
 ) -> Trajectory:
@@ -133,39 +171,30 @@ def gliding_trajectory(
     Position and velocity are exact derivatives of each other, everything else is
     interpolated with degree 7 (not exact).
     """
-    breaks = duration * np.array([0.0, 0.3, 0.7, 1.0])
-    degree = 7
-    nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
-    fit = bernstein_basis_inverse(degree, tuple(nodes))
-    path = PiecewisePolynomial(
-        np.array([0.0, duration]), np.repeat(np.stack([start, goal]), 3, axis=0)[None]
-    )
-    path = path.split(breaks)
-    speed = path.derivative()
-    derivatives = [speed.derivative()]
-    for _ in range(2):
-        derivatives.append(derivatives[-1].derivative())
-    time = breaks[:-1, None] + np.diff(breaks)[:, None] * nodes
-    push, jerk, snap = (d(time) for d in derivatives)
+    unit = unit_glide(duration)
+    way, degree = goal - start, unit.place.shape[1] - 1
+    push, jerk, snap = (one[..., None] * way for one in unit.derivatives)
     push = push + np.array([0.0, 0.0, vehicle.gravity])
     force = np.linalg.norm(push, axis=-1)
     across = push[..., 0] * sin(yaw) - push[..., 1] * cos(yaw)
     ahead = push[..., 0] * cos(yaw) + push[..., 1] * sin(yaw)
     state = np.zeros((3, degree + 1, 12))
-    state[..., 0:3] = path.elevated(degree).coefficients
-    state[..., 3:6] = speed.elevated(degree).coefficients
+    state[..., 0:3] = start + unit.place[..., None] * way
+    state[..., 3:6] = unit.speed[..., None] * way
     state[..., 8] = yaw
     g = vehicle.gravity
     values = np.stack([np.arcsin(across / force), np.arctan2(ahead, push[..., 2])], -1)
     rates = np.stack([-jerk[..., 1] / g, jerk[..., 0] / g], -1)
     torque = np.stack([-snap[..., 1] / g, snap[..., 0] / g], -1) * vehicle.inertia[:2]
+    fit = unit.fit
     state[..., 6:8] = np.einsum("rk,ikc->irc", fit, values)
     state[..., 9:11] = np.einsum("rk,ikc->irc", fit, rates)
     control = np.zeros((3, degree + 1, 4))
     control[..., 0] = np.einsum("rk,ik->ir", fit, vehicle.mass * force)
     control[..., 1:3] = np.einsum("rk,ikc->irc", fit, torque)
     return Trajectory(
-        PiecewisePolynomial(breaks, state), PiecewisePolynomial(breaks, control)
+        PiecewisePolynomial(unit.breaks, state),
+        PiecewisePolynomial(unit.breaks, control),
     )
 
 

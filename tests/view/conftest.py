@@ -9,7 +9,6 @@ from synthetic import gliding_flight, vertical_flight
 
 from showc.log.reader import read_log
 from showc.log.writer import write_log
-from showc.view import render_page
 
 sys.path.append(str(Path(__file__).parent))
 
@@ -33,12 +32,6 @@ def gliding_log():
 @pytest.fixture(scope="session")
 def vertical_log():
     return logged(vertical_flight(4))
-
-
-@pytest.fixture(scope="session")
-def big_page():
-    """A thousand drones for five minutes."""
-    return render_page(logged(gliding_flight(1000, moves=6, hold=3.0)))
 
 
 @pytest.fixture(scope="session")

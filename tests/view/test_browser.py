@@ -462,35 +462,6 @@ def test_leg_draws_its_curves(tab, tmp_path, gliding_log):
     assert climb == pytest.approx(exact, abs=0.05)
 
 
-CALLS = """(() => {
-  const gl = stage.gl, counts = {draws: 0, uploads: 0, others: 0};
-  for (const name in gl) {
-    if (typeof gl[name] !== "function") continue;
-    const inner = gl[name].bind(gl);
-    const kind = name.startsWith("draw") ? "draws"
-      : /^(buffer|tex)(Sub)?(Data|Image)/.test(name) ? "uploads" : "others";
-    gl[name] = (...given) => { counts[kind] += 1; return inner(...given); };
-  }
-  stage.draw(20.03);
-  return counts;
-})()"""
-"""Calls of the graphics interface that one frame makes."""
-
-
-@pytest.mark.slow
-def test_a_frame_of_a_thousand_drones_makes_no_more_calls_than_one_of_sixteen(
-    tab, page, tmp_path, big_page
-):
-    path = tmp_path / "big.html"
-    path.write_text(big_page, "utf-8")
-    tab.open(page, "t=20&play=0")
-    few = tab.evaluate(CALLS)
-    tab.open(path, "t=20&play=0")
-    many = tab.evaluate(CALLS)
-    assert few["draws"] > 0
-    assert all(many[kind] <= few[kind] for kind in few)
-
-
 def test_tubes_of_simulated_wind_are_drawn_about_the_drones(tab, tmp_path, gliding_log):
     legs = [(one.message.name, one.start) for one in gliding_log.segments]
     numbers = (1.0, 0.999, 0.2, 1.6, 0.0, 0.9)
