@@ -57,6 +57,8 @@ BLOCK = 20_000
 """Pieces that are looked at together, for what the processor keeps at hand."""
 SMALL = 1_000
 """Pieces whose wide discs are, for what the processor keeps at hand."""
+CELLS = 64
+"""Cells along each side of a show in which points are told apart quickly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,32 +184,42 @@ class Footing:
 
 def _around(level: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Discs that hold points (n, points, 2) [m]: centres (n, 2) and radii (n,)."""
-    centre = 0.5 * (level.min(axis=1) + level.max(axis=1))
-    off = level - centre[:, None]
-    return centre, np.hypot(off[..., 0], off[..., 1]).max(axis=1)
+    level = _points_first(level)
+    centre = 0.5 * (level.min(axis=0) + level.max(axis=0))
+    return centre.T, _farthest(level - centre)
+
+
+def _points_first(values: FloatArray) -> FloatArray:
+    """Values (n, points, c) as (points, c, n): least and greatest are found quickly."""
+    return np.ascontiguousarray(np.moveaxis(values, 0, 2))
+
+
+def _farthest(level: FloatArray) -> FloatArray:
+    """Length of the longest of vectors (points, 2, n), (n,)."""
+    return np.sqrt((level[:, 0] ** 2 + level[:, 1] ** 2).max(axis=0))
 
 
 def boxes_of(pieces: Pieces, ground: float) -> Boxes:
     """Enclose the states of ``pieces`` that matter for falls to ``ground`` [m]."""
-    climb, height = pieces.velocity[:, :, 2], pieces.position[:, :, 2] - ground
-    level = pieces.velocity[:, :, :2]
-    middle = 0.5 * (level.min(axis=1) + level.max(axis=1))
-    spread = np.linalg.norm(level - middle[:, None], axis=2).max(axis=1)
-    speed = np.linalg.norm(middle, axis=1)
+    values = _points_first(pieces.state[:, :, 2:6])
+    height, level, climb = values[:, 0] - ground, values[:, 1:3], values[:, 3]
+    middle = 0.5 * (level.min(axis=0) + level.max(axis=0))
+    spread, speed = _farthest(level - middle), _farthest(middle[None])
     # A polynomial is no faster than the fastest of its control points, whatever the
     # ball about them holds.
-    fastest = np.linalg.norm(level, axis=2).max(axis=1)
     return Boxes(
-        climb.min(axis=1),
-        climb.max(axis=1),
+        climb.min(axis=0),
+        climb.max(axis=0),
         np.maximum(speed - spread, 0.0),
-        np.minimum(speed + spread, fastest),
-        height.min(axis=1),
-        height.max(axis=1),
+        np.minimum(speed + spread, _farthest(level)),
+        height.min(axis=0),
+        height.max(axis=0),
     )
 
 
-def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
+def least(
+    pieces: Pieces, footing: Footing, measure: Measure, *, steady: bool = False
+) -> Least:
     """Bound measures over all that a flight may reach from below.
 
     Parameters
@@ -218,6 +230,9 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
         What it may reach.
     measure
         Numbers that no point may have too small.
+    steady
+        Whether each of its distances, not only the least, changes by no more than the
+        way between points: then most pieces are passed over quickly.
     """
     # Points that are reached for sure say how far bounds need be followed.
     some = pieces.select(np.arange(0, len(pieces), len(pieces) // BLOCK + 1))
@@ -231,7 +246,7 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
     likely = first[met.argmin(axis=0), np.arange(reached.size)]
     found, places = reached, [some.middle(piece) for piece in likely.tolist()]
     pieces = pieces.select(
-        np.concatenate(list(_deciding(pieces, footing, measure, found)))
+        np.concatenate(list(_deciding(pieces, footing, measure, found, steady=steady)))
     )
     for cut in range(ROUNDS + 1):
         left, top = [], 0
@@ -275,16 +290,61 @@ def least(pieces: Pieces, footing: Footing, measure: Measure) -> Least:
 
 
 def _deciding(
-    pieces: Pieces, footing: Footing, measure: Measure, reached: FloatArray
+    pieces: Pieces,
+    footing: Footing,
+    measure: Measure,
+    reached: FloatArray,
+    *,
+    steady: bool,
 ) -> Iterator[IntArray]:
     """Yield which pieces may come nearer than what is ``reached`` (m,) [m]."""
     top = 0
+    inner = _Inner(pieces, measure, reached) if steady else None
     for part in _blocks(pieces, SMALL):
         discs = footing.wide(part)
-        low = measure(discs.centre).distance
-        low -= discs.radius[:, None]
-        yield top + np.flatnonzero((low <= reached).any(axis=1))
+        open_ = np.arange(len(part))
+        if inner is not None:
+            open_ = np.flatnonzero(inner.room(discs.centre) <= discs.radius)
+        low = measure(discs.centre[open_]).distance
+        low -= discs.radius[open_, None]
+        yield top + open_[(low <= reached).any(axis=1)]
         top += len(part)
+
+
+class _Inner:
+    """How much nearer points may come before they decide anything.
+
+    That of the middles of square cells, less the way to them.
+
+    Parameters
+    ----------
+    pieces
+        Around whose places the cells lie.
+    measure
+        Distances, each of which changes by no more than the way between points.
+    reached
+        What of them is reached for sure, shape (m,) [m].
+    """
+
+    def __init__(self, pieces: Pieces, measure: Measure, reached: FloatArray) -> None:
+        ends = pieces.position[:, 0, :2]
+        self._corner = ends.min(axis=0)
+        self._size = max(float(np.ptp(ends, axis=0).max()), 1.0) / CELLS
+        index = np.indices((CELLS, CELLS)).reshape(2, -1).T
+        self._middle = self._corner + self._size * (index + 0.5)
+        self._room = np.concatenate(
+            [
+                (measure(some).distance - reached).min(axis=1)
+                for some in np.array_split(self._middle, CELLS)
+            ]
+        )
+
+    def room(self, points: FloatArray) -> FloatArray:
+        """Bound it for points (n, 2) from below, (n,) [m]."""
+        index = np.clip((points - self._corner) / self._size, 0, CELLS - 1).astype(int)
+        cell = index[:, 0] * CELLS + index[:, 1]
+        way = points - self._middle[cell]
+        return np.asarray(self._room[cell] - np.hypot(way[:, 0], way[:, 1]) - ROUNDING)
 
 
 def _points(
@@ -346,7 +406,7 @@ def hull(pieces: Pieces, footing: Footing) -> FloatArray:
         away = np.broadcast_to(-outward, (*distance.shape, 2))
         return Measured(distance, away, np.broadcast_to(-np.inf, distance.shape))
 
-    return corners_of(outward, -least(pieces, footing, measure).bounds)
+    return corners_of(outward, -least(pieces, footing, measure, steady=True).bounds)
 
 
 def corners_of(outward: FloatArray, reach: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ import pytest
 from safety.falls import landings
 
 from showc.log.reader import read_log
-from showc.safety import codes
+from showc.safety import codes, ground
 from showc.safety.assessment import safety_case, show_of
 from showc.safety.fall import Fall
 from showc.safety.ground import (
@@ -73,8 +73,7 @@ def test_a_million_falls_stay_in_the_footprint_which_is_close(logged, show):
         air = rng.choice([air_density(show.site.altitude) / SEA_LEVEL, 1.0], count)
         drag = air * rng.choice(show.body.drag_area, count)
         high = np.maximum(states[:, 2], 0.0)
-        ground = landings(states[:, 3:6], high, wind, drag, 0.04)
-        hits = states[:, :2] + ground
+        hits = states[:, :2] + landings(states[:, 3:6], high, wind, drag, 0.04)
         farthest = np.maximum(farthest, (hits @ outward.T).max(axis=0))
     # A drone's own size is around the point that falls.
     farthest += 0.5 * show.body.size
@@ -125,6 +124,22 @@ def test_a_footprint_in_strong_wind_is_found_with_few_looks(logged, monkeypatch)
     monkeypatch.setattr(FallTable, "reach", counted)
     hull(pieces, Footing(table))
     assert sum(looks) < 150_000
+
+
+def test_pieces_that_are_passed_over_quickly_change_no_bound(logged, monkeypatch):
+    pieces = flight_pieces(flown_legs(logged))
+    table = FallTable.covering(Fall(0.625, (0.02, 0.04), 8.0), (-3.0, 3.0), 7.0, 15.0)
+    footing = Footing(table, 0.2)
+    quick = hull(pieces, footing)
+    seen, wide = [], ground.least
+
+    def slow(*arguments, steady):
+        seen.append(steady)
+        return wide(*arguments, steady=False)
+
+    monkeypatch.setattr(ground, "least", slow)
+    assert (hull(pieces, footing) == quick).all()
+    assert seen == [True]
 
 
 def test_an_audience_below_is_found_with_drone_second_and_metres(logged, show):
