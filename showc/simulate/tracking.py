@@ -115,20 +115,22 @@ class Tracker:
             thrust_direction(estimate[:, 6], estimate[:, 7], estimate[:, 8]), axis=1
         )
         thrust = vehicle.mass * np.sum(push * axis, axis=1)
-        yaw = state[:, 8]
+        # Thrust points where the drone has its nose: while rotors are at their limits,
+        # the yaw is let go (see `Plant.allotted`).
+        yaw = estimate[:, 8]
         unit = push / np.linalg.norm(push, axis=1)[:, None]
         roll = np.arcsin(unit[:, 0] * np.sin(yaw) - unit[:, 1] * np.cos(yaw))
         ahead = unit[:, 0] * np.cos(yaw) + unit[:, 1] * np.sin(yaw)
         pitch = np.arctan2(ahead, unit[:, 2])
-        attitude = np.stack(
+        missing = np.stack(
             [
-                np.clip(roll, -gains.lean, gains.lean),
-                np.clip(pitch, -gains.lean, gains.lean),
-                yaw,
+                np.clip(roll, -gains.lean, gains.lean) - estimate[:, 6],
+                np.clip(pitch, -gains.lean, gains.lean) - estimate[:, 7],
+                (state[:, 8] - yaw + np.pi) % (2.0 * np.pi) - np.pi,
             ],
             axis=1,
         )
-        rates = state[:, 9:12] + gains.attitude * (attitude - estimate[:, 6:9])
+        rates = body_rates(estimate[:, 6:9], state[:, 9:12] + gains.attitude * missing)
         turning = gains.rate * (rates - estimate[:, 9:12])
         planned = angular_acceleration(
             vehicle, _columns(state[:, 9:12]), _columns(control[:, 1:4])
@@ -143,6 +145,31 @@ class Tracker:
     def observe(self, estimate: FloatArray, control: FloatArray) -> None:
         """Learn what the air adds from estimates (n, 12) and controls flown (n, 4)."""
         self.observer.learn(estimate, control, self.step)
+
+
+def body_rates(attitude: FloatArray, change: FloatArray) -> FloatArray:
+    """Return the body rates (n, 3) that change roll, pitch and yaw as wanted [rad/s].
+
+    The inverse of the kinematics of :mod:`showc.simulate.plant`.
+
+    Parameters
+    ----------
+    attitude
+        Roll, pitch and yaw, shape (n, 3) [rad].
+    change
+        Their wanted rates, shape (n, 3) [rad/s].
+    """
+    roll, pitch, _ = attitude.T
+    rolling, pitching, yawing = change.T
+    across = yawing * np.cos(pitch)
+    return np.stack(
+        [
+            rolling - yawing * np.sin(pitch),
+            pitching * np.cos(roll) + across * np.sin(roll),
+            across * np.cos(roll) - pitching * np.sin(roll),
+        ],
+        axis=1,
+    )
 
 
 def _columns(rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -27,7 +27,7 @@ from showc.simulate.gusts import SEVERITY, Gusts, Scales
 from showc.simulate.plant import AIR_DENSITY, Imperfections, Plant
 from showc.simulate.predictive import RESERVE_SPEED, followable
 from showc.simulate.results import WANTED, Campaign, Weather
-from showc.simulate.tracking import Course, Gains
+from showc.simulate.tracking import Course, Gains, Tracker, body_rates
 from showc.vehicle import PRESETS, Limits
 from showc.verify import verify_log
 from showc.view import render_safety
@@ -266,18 +266,54 @@ def test_shares_of_limits_are_those_of_the_greatest():
     assert share_of_limits(limits, state, control) == pytest.approx(2.0)
 
 
+def hovering(vehicle, first, rest):
+    """A course that hovers in ``rest`` (12,), and begins with 50 steps of ``first``."""
+    state = np.concatenate([np.tile(first, (50, 1, 1)), np.tile(rest, (400, 1, 1))])
+    control = np.tile(vehicle.hover_control(), (len(state), 1, 1))
+    times = 0.01 * np.arange(len(state))
+    return Course(times, state, control, np.zeros((len(state), 1, 3)))
+
+
+def test_body_rates_turn_the_attitude_as_wanted():
+    rng = np.random.default_rng(7)
+    state = np.zeros((50, 12))
+    state[:, 6:9] = rng.uniform(-1.0, 1.0, (50, 3)) * [0.8, 0.8, 3.0]
+    change = rng.uniform(-2.0, 2.0, (50, 3))
+    state[:, 9:12] = body_rates(state[:, 6:9], change)
+    step, control = 1e-5, np.zeros((50, 4))
+    after, _ = Plant(VEHICLE, 0.03, 0.03).after(state, control, control, 0.0, step)
+    assert (after[:, 6:9] - state[:, 6:9]) / step == pytest.approx(change, abs=1e-3)
+
+
+@pytest.mark.parametrize("observer", [0.0, 3.0])
+def test_a_drone_that_leans_far_in_roll_and_pitch_does_not_swing(observer):
+    # Beyond 30 degrees the rates of roll, pitch and yaw are no longer the body's.
+    rest = np.zeros(12)
+    rest[2] = 20.0
+    course = hovering(VEHICLE, rest, rest)
+    state, control = course.state[0].copy(), course.control[0]
+    state[0, 9:12] = 0.5
+    tracker = Tracker(VEHICLE, course, 0.01, replace(Gains(), observer=observer))
+    plant, waiting = Plant(VEHICLE, 0.03, 0.03), [control, control]
+    wind = np.array([[14.0, 14.0, 0.0]])
+    for number in range(len(course.times)):
+        waiting.append(plant.allotted(tracker.command(state, number))[0])
+        command = waiting.pop(0)
+        for _ in range(2):
+            state, control = plant.after(state, control, command, wind, 0.005)
+        tracker.observe(state, control)
+    assert np.abs(state[0, 6:8]).min() > 0.5
+    assert np.abs(state[0, 8:12]).max() < 0.01
+
+
 def test_looking_ahead_finds_back_from_where_it_should_not_be(lonely):
     # Two metres aside and without a wind: no overshoot worth the name, no limit broken.
     show, _ = lonely
     # As fast as rotors can: of body rates there is no limit.
     show = replace(show, limits=replace(show.limits, body_rate=(20.0, 20.0, 20.0)))
-    hover = np.zeros((400, 1, 12))
-    start = np.repeat(hover[:1], 50, axis=0)
-    start[..., 0] = 2.0
-    state = np.concatenate([start, hover])
-    count = len(state)
-    control = np.tile(show.vehicle.hover_control(), (count, 1, 1))
-    jump = Course(0.01 * np.arange(count), state, control, np.zeros((count, 1, 3)))
+    aside = np.zeros(12)
+    aside[0] = 2.0
+    jump = hovering(show.vehicle, aside, np.zeros(12))
     found = fly_once(
         show, jump, Weather(0.0, "none", 1), 0, Model(Gains(), IDEAL, predictive=True)
     )
