@@ -33,6 +33,7 @@ from showc.safety.stop import (
     time_to_rest,
 )
 from showc.safety.volumes import Flying, buffers
+from showc.script.fence import polygons_meet
 from showc.vehicle.power import SEA_LEVEL, Power, air_density
 
 if TYPE_CHECKING:
@@ -370,7 +371,18 @@ class _Assessment:
             "one-to-one": ("1:1", self.buffers.one_to_one),
         }
         for people in site.audience:
-            away = outside(outline(people.points, closed=people.area))
+            taken = outline(people.points, closed=people.area)
+            if polygons_meet(taken, fence_of(self.show)):
+                self.findings.append(
+                    Finding(
+                        "SAF115",
+                        "warning",
+                        f"{people.name}: people stand within the fence, where nothing "
+                        "stops a drone that strays under power",
+                        0.0,
+                    )
+                )
+            away = outside(taken)
             found = least(self.pieces, self.impacts, away)
             self._note(
                 "SAF111",

@@ -58,7 +58,7 @@ BLOCK = 20_000
 SMALL = 1_000
 """Pieces whose wide discs are, for what the processor keeps at hand."""
 CELLS = 64
-"""Cells along each side of a show in which points are told apart quickly."""
+"""Cells along each side of a show; what is far inside one decides nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,7 +196,7 @@ def _points_first(values: FloatArray) -> FloatArray:
 
 def _farthest(level: FloatArray) -> FloatArray:
     """Length of the longest of vectors (points, 2, n), (n,)."""
-    return np.sqrt((level[:, 0] ** 2 + level[:, 1] ** 2).max(axis=0))
+    return np.asarray(np.sqrt((level[:, 0] ** 2 + level[:, 1] ** 2).max(axis=0)))
 
 
 def boxes_of(pieces: Pieces, ground: float) -> Boxes:

@@ -63,6 +63,17 @@ def crossed_edges(corners: FloatArray) -> tuple[int, int] | None:
     return None
 
 
+def polygons_meet(one: FloatArray, other: FloatArray) -> bool:
+    """Tell whether two polygons (n, 2) and (m, 2) have points in common."""
+    if inside_polygon(one, other).any() or inside_polygon(other, one).any():
+        return True
+    after = np.roll(other, -1, axis=0)
+    return any(
+        _crosses(start, np.broadcast_to(end, (len(other), 2)), other, after).any()
+        for start, end in zip(one, np.roll(one, -1, axis=0), strict=True)
+    )
+
+
 def fence_distance(points: FloatArray, corners: FloatArray) -> FloatArray:
     """Return how far points, (n, 2), are from a polygon's boundary, (n,) [m]."""
     nearest = np.full(len(points), np.inf)

@@ -67,8 +67,11 @@ class Axes:
         share = (level - self.low) / (self.high - self.low)
         return HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM)
 
-    def background(self) -> list[str]:
-        """Return the sheet and the labels of the times."""
+    def background(self, unit: str = "") -> list[str]:
+        """Return the sheet and the labels of the times, the last with its ``unit``."""
+        times = ticks(self.begin, self.end, count=6)
+        labels = [f"{time:.6g}" for time in times]
+        labels[-1] = f"{labels[-1]} {text(unit)}".strip()
         return [
             (
                 f'<rect x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT - RIGHT}" '
@@ -76,8 +79,8 @@ class Axes:
             ),
             *(
                 f'<text x="{self.x(time):.1f}" y="{HEIGHT - 7}" '
-                f'text-anchor="middle">{time:.6g}</text>'
-                for time in ticks(self.begin, self.end, count=6)
+                f'text-anchor="middle">{label}</text>'
+                for time, label in zip(times, labels, strict=True)
             ),
         ]
 
@@ -97,6 +100,7 @@ def line_plot(
     *,
     limits: Sequence[float] = (),
     breaks: FloatArray | None = None,
+    unit: str = "s",
 ) -> str:
     """Return a figure: title, plot and key.
 
@@ -112,6 +116,8 @@ def line_plot(
         Levels drawn as dashed lines where they are not far from the curves.
     breaks
         Borders of the mesh intervals [s].
+    unit
+        Of the times, written behind the last of them.
     """
     values = np.concatenate([curve.values for curve in curves])
     low, high = float(values.min()), float(values.max())
@@ -125,7 +131,7 @@ def line_plot(
         low, high = low - max(0.5 * size, 1.0), high + max(0.5 * size, 1.0)
     room = 0.06 * (high - low)
     axes = Axes(float(times[0]), float(times[-1]), low - room, high + room)
-    parts = axes.background()
+    parts = axes.background(unit)
     if breaks is not None:
         borders = "".join(f"M{axes.x(t):.1f},{TOP}V{HEIGHT - BOTTOM}" for t in breaks)
         parts.append(f'<path d="{borders}" stroke="#d5dce8" stroke-width="0.8"/>')

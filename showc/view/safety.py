@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from showc.safety.case import Distance, Finding, SafetyCase
     from showc.safety.failure import Failures
     from showc.safety.stop import Stops
+    from showc.script.show import Audience
 
 
 COLOURS = ("#2459c4", "#d9541e", "#c22036", "#8b3fb5", "#7a8191")
@@ -71,8 +72,9 @@ def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
     """
     risk = case.show.site.risk
     return (
-        "<h2>Safety of the site<small>proved for every instant"
-        f"</small></h2><figure>{volumes_from_above(logged, case)}<figcaption>"
+        "<h2>Safety of the site<small>falls, distances and stops hold for every "
+        "instant of the solved flights; wind and energy are estimates</small></h2>"
+        f"{_flown(logged)}<figure>{volumes_from_above(logged, case)}<figcaption>"
         f"{_key(case)}</figcaption></figure>"
         f"{_findings(case.findings)}{_distances(case.distances)}{_volumes(case)}"
         f"{_failures(case.failures)}{_stops(case.stops)}"
@@ -84,10 +86,24 @@ def safety_section(logged: LoggedShow, case: SafetyCase) -> str:
         f"steady wind up to {risk.wind:g} m/s from any direction; impact at up to "
         f"{case.impact_speed:.1f} m/s and {case.impact_energy:.0f} J. Formulas: LBA, "
         "guideline for flight geography, contingency volume and ground risk buffer, "
-        f"revision 1.7, with V0 {case.flying.speed:.1f} m/s (wind included), reaction "
-        f"{risk.reaction_time:g} s, errors {risk.gnss_error:g} + "
-        f"{risk.position_error:g} + {risk.map_error:g} m. Turned and moved: "
+        f"revision 1.7, with V0 {case.flying.speed:.1f} m/s (wind included), a tilt "
+        f"of {np.degrees(case.flying.tilt):.0f}°, reaction {risk.reaction_time:g} s, "
+        f"errors of {risk.gnss_error:g} m (satellite position), "
+        f"{risk.position_error:g} m (keeping the place), {risk.map_error:g} m (map) "
+        f"and {risk.height_error:g} m (height). Turned and moved: "
         f"{np.degrees(risk.rotation):g}° about the origin and {risk.shift:g} m.</p>"
+    )
+
+
+def _flown(logged: LoggedShow) -> str:
+    """Say of a show with missions whose flights are judged here."""
+    if not isinstance(logged.manifest.get("missions"), dict):
+        return ""
+    return (
+        "<p>The solved flights are those of <code>showc stream</code>. Missions fly to "
+        "the same places on other ways and at other times: <code>showc verify</code> "
+        "proves their distances from the fence and from each other, but their falls "
+        "are not computed.</p>"
     )
 
 
@@ -97,7 +113,8 @@ def _key(case: SafetyCase) -> str:
         for colour, volume in zip(COLOURS, case.volumes, strict=True)
     ]
     site = case.show.site
-    entries.append(("#e0701b", "Fence"))
+    dashed = "repeating-linear-gradient(90deg,#e0701b 0 5px,#0000 5px 8px)"
+    entries.append((dashed, "Fence"))
     entries += [("#f0a500", "Audience")] * bool(site.audience)
     entries += [("#555555", "Buildings")] * bool(site.buildings)
     return "".join(
@@ -210,7 +227,7 @@ def _aborts(logged: LoggedShow) -> str:
             ]
         )
     heads = [
-        "At", "Stopped after [s]", "Then", "Landed after [s]", "In all [s]",
+        "At", "The stop takes [s]", "Then", "This takes [s]", "In all [s]",
         "Smallest separation [m]",
     ]  # fmt: skip
     said = (
@@ -349,7 +366,7 @@ def _spared(logged: LoggedShow) -> str:
 
 def _volumes(case: SafetyCase) -> str:
     words = frozenset({0})
-    buffers = case.buffers
+    buffers, ground = case.buffers, case.show.site.risk.ground
     width = {
         "Contingency volume": buffers.contingency,
         "Ground risk buffer, ballistic": buffers.ballistic,
@@ -359,7 +376,7 @@ def _volumes(case: SafetyCase) -> str:
         [
             text(volume.name),
             f"{width[volume.name]:.1f}" if volume.name in width else "",
-            f"{volume.top:.1f}",
+            f"{volume.top:.1f}" if volume.top > ground else "on the ground",
             (
                 f"{np.ptp(volume.corners[:, 0]):.0f} × "
                 f"{np.ptp(volume.corners[:, 1]):.0f}"
@@ -410,7 +427,7 @@ def volumes_from_above(logged: LoggedShow, case: SafetyCase) -> str:
                 f'<path d="{path(frame(people.points))}" fill="none" '
                 'stroke="#f0a500" stroke-width="5" stroke-linecap="round"/>'
             )
-        parts.append(_label(frame, people.points.mean(axis=0), people.name))
+        parts.append(_label(frame, _middle(people), people.name))
     parts += [scale_bar(frame), north_arrow(float(site.heading), frame)]
     return svg(parts, "Volumes of the show from above", frame)
 
@@ -422,9 +439,20 @@ def _shape(frame: Frame, corners: FloatArray, colour: str, opacity: float) -> st
     )
 
 
+def _middle(people: Audience) -> FloatArray:
+    """Return the place of an audience's name: on its line, or in its area."""
+    if people.area:
+        return np.asarray(people.points.mean(axis=0))
+    way = np.linalg.norm(np.diff(people.points, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(way)])
+    half = 0.5 * along[-1]
+    return np.array([np.interp(half, along, part) for part in people.points.T])
+
+
 def _label(frame: Frame, place: FloatArray, name: str) -> str:
     x, y = frame(place[None])[0]
     return (
         f'<text x="{x:.1f}" y="{y - 7:.1f}" text-anchor="middle" '
-        f'style="fill:#161b26;font-weight:600">{text(name)}</text>'
+        'style="fill:#161b26;font-weight:600;paint-order:stroke;stroke:#fff;'
+        f'stroke-width:3px;stroke-linejoin:round">{text(name)}</text>'
     )

@@ -115,6 +115,7 @@ def _curves(part: PhaseSolution, own: list[Margin]) -> list[str]:
                 [Curve("", curve(times)[:, column])],
                 limits=limits.get((kind, name), []),
                 breaks=breaks,
+                unit="",
             )
         )
     plots += [
@@ -124,6 +125,7 @@ def _curves(part: PhaseSolution, own: list[Margin]) -> list[str]:
             [Curve("", margin.values)],
             limits=limits["path", margin.name],
             breaks=breaks,
+            unit="",
         )
         for margin in own
         if margin.kind == "path"
@@ -144,6 +146,7 @@ def _margins(part: PhaseSolution, own: list[Margin]) -> list[str]:
             ],
             limits=[0.0],
             breaks=part.states.breaks,
+            unit="",
         )
         for first in range(0, len(own), MOST_MARGINS)
     ]

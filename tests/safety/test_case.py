@@ -152,6 +152,29 @@ def test_an_audience_below_is_found_with_drone_second_and_metres(logged, show):
     assert "is missing" in found.message
 
 
+@pytest.mark.parametrize(
+    ("people", "met"),
+    [
+        (line((0.0, 70.0), (5.0, 70.0)), True),
+        (line((-500.0, 70.0), (500.0, 70.0)), True),
+        (line((0.0, 500.0), (5.0, 500.0)), False),
+        # All around the fence, and over the whole of it.
+        (
+            Audience(
+                "crowd",
+                500.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]),
+                area=True,
+            ),
+            True,
+        ),
+    ],
+)
+def test_people_within_the_fence_are_found(logged, show, people, met):
+    fence = np.array([[-90.0, -90.0], [90.0, -90.0], [90.0, 90.0], [-90.0, 90.0]])
+    case = safety_case(logged, around(show, audience=(people,), fence=fence))
+    assert ("SAF115" in {one.code for one in case.findings}) == met
+
+
 def test_an_audience_far_away_is_clear_and_its_distance_holds(logged, show):
     far = around(show, audience=(line((-60.0, -150.0), (60.0, -150.0)),), ceiling=300.0)
     case = safety_case(logged, far)
@@ -242,7 +265,11 @@ def test_the_command_writes_page_and_map_with_a_folder_a_volume(
     run = run_showc("safety", log, "-o", page, "--wind", "5", "--json")
     said = json.loads(run.out)
     assert run.code == int(any(one["severity"] == "error" for one in said["findings"]))
-    assert "Impact footprint" in page.read_text(encoding="utf-8")
+    written = page.read_text(encoding="utf-8")
+    assert "Impact footprint" in written
+    # Units of plots, and whose flights are judged.
+    assert " s</text>" in written
+    assert "but their falls are not computed" in written
     tree = ET.parse(page.with_suffix(".kml"))  # noqa: S314 - our own file
     space = "{http://www.opengis.net/kml/2.2}"
     names = {folder.findtext(f"{space}name") for folder in tree.iter(f"{space}Folder")}

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from showc.script.language.reader import Reader
     from showc.script.language.settings import Settings
 
+LEAST_AREA = 0.01
+"""Of a fence, an audience or a building [m²]: less is a mistake."""
+
 
 def site_of(settings: Settings, reader: Reader) -> Site | None:
     """Return the site, or None if its volume is turned inside out."""
@@ -51,8 +54,21 @@ def site_of(settings: Settings, reader: Reader) -> Site | None:
 
 
 def _twisted(settings: Settings, key: str, reader: Reader) -> bool:
-    """Tell whether an outline crosses itself, and say so (SHW123)."""
-    crossed = crossed_edges(_points(settings, key)) if key in settings else None
+    """Tell whether an outline crosses itself or is a line, and say so (SHW123)."""
+    if key not in settings:
+        return False
+    corners = _points(settings, key)
+    crossed = crossed_edges(corners)
+    x, y = (corners - corners[0]).T
+    enclosed = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+    if crossed is None and enclosed < LEAST_AREA:
+        reader.say(
+            "SHW123",
+            "the outline encloses no area: its corners are on one line",
+            settings.mark_of(key),
+            help_text="list corners that enclose an area",
+        )
+        return True
     if crossed is None:
         return False
     count = len(settings.values[key].plain)
