@@ -182,6 +182,23 @@ def test_layers_lie_wherever_the_volume_has_the_room(half, top, flown):
     assert (found is not None) is flown
 
 
+def test_layers_above_each_other_take_a_level_way_little_more_time():
+    # Thrust that jumps as drones rise would turn those that lean under way at once.
+    row = np.stack([np.arange(12.0), np.zeros(12), np.full(12, 30.0)], axis=1)
+    crossing = search(make_leg(row, np.roll(row, -1, axis=0), limits=WIDE)).crossing()
+    known = fly_layered(crossing)
+    assert known is not None
+    assert known.duration < 2.0 * crossing.profile.duration
+
+
+def test_layers_beside_each_other_take_a_way_up_little_more_time():
+    stack = np.stack([np.zeros(8), np.zeros(8), 20.0 + 1.2 * np.arange(8.0)], axis=1)
+    crossing = search(make_leg(stack, stack[::-1], limits=WIDE)).crossing()
+    known = fly_layered(crossing)
+    assert known is not None
+    assert known.duration < 2.6 * crossing.profile.duration
+
+
 def test_what_no_widening_parts_is_flown_in_layers():
     cube = 1.05 * CUBE + [0.0, 0.0, 30.0]
     found = search(make_leg(cube, cube[::-1], limits=WIDE))

@@ -33,6 +33,7 @@ from showc.fleet.deconfliction.clock import (
 )
 from showc.fleet.deconfliction.layers import layers
 from showc.fleet.deconfliction.neighbours import near_pairs
+from showc.fleet.shared_profile.profile import Profile
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.vehicle.metric import measure
 
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.fleet.deconfliction.clock import ClosedFlights
     from showc.fleet.deconfliction.crowd import Crossing
-    from showc.fleet.shared_profile.profile import Profile
 
 
 _BEYOND = 2e-3
@@ -55,6 +55,8 @@ _HALVINGS = 4
 """Halvings of the time between the move into layers and the way."""
 _SAMPLES = 80
 """Instants at which pairs are looked at, over half of the time."""
+_JUMP = 0.5
+"""Share of the time that a ramp should take, below which it is a jump of thrust."""
 _EVEN = 1e-9
 """Difference of places that is rounding [m]."""
 _BLOCK = 2_000_000
@@ -103,7 +105,8 @@ def _apart(crossing: Crossing, layout: Layout) -> Iterator[Pattern]:
 
     In the last one moves follow each other, so that it does surely.
     """
-    base, rise = crossing.profile, layout.rising
+    ramp = max(one.ramp for one in layout.rises)
+    base, rise = _eased(crossing.profile, ramp), layout.rising
     out, back = layout.stages[:, 0], layout.stages[:, 1]
     moves = np.stack([out, back - out], axis=1).reshape(-1, *crossing.start.shape)
     vectors = np.concatenate([(crossing.goal - crossing.start)[None], moves])
@@ -293,9 +296,27 @@ def _rise(crossing: Crossing, move: FloatArray) -> Profile:
     """Find the profile on which all drones make their moves at both ends."""
     aircraft = crossing.aircraft
     way = np.concatenate([move[0], -move[1]])
-    return shared_profile(
+    quickest = shared_profile(
         aircraft.vehicle, aircraft.limits, aircraft.heading, np.zeros_like(way), way
     )
+    return _eased(quickest, crossing.profile.ramp)
+
+
+def _eased(profile: Profile, ramp: float) -> Profile:
+    """Return a profile of the same acceleration and speed, with ramps of a time [s].
+
+    Straight up thrust may jump. While a drone leans, such a jump turns the direction of
+    its thrust, which takes as long as on level ways.
+    """
+    pull, speed = profile.acceleration, profile.speed
+    ramp = min(ramp, np.sqrt(0.5 / pull), speed / pull)
+    if profile.ramp >= _JUMP * ramp:
+        return profile
+    phase = 0.5 * (ramp + np.sqrt(ramp**2 + 4.0 / pull))
+    if phase * speed >= 1.0:
+        return Profile(2.0 * phase, phase, ramp)
+    phase = ramp + speed / pull
+    return Profile(phase + 1.0 / speed, phase, ramp)
 
 
 def _meeting(
