@@ -10,14 +10,14 @@ import numpy as np
 from scipy.special import bdtr
 
 from showc.processes import side_by_side
-from showc.simulate.gusts import LOWEST, SEVERITY, Gusts, Scales
+from showc.simulate.gusts import LOWEST, SEVERITY, Gusts, Normals, Scales
 from showc.simulate.plant import Imperfections, Plant
 from showc.simulate.predictive import Predictor
 from showc.simulate.results import CONFIDENCE, WANTED, WHOLE, Campaign, Tube
 from showc.simulate.tracking import Course, Gains, Tracker
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from showc.arrays import FloatArray
     from showc.log.reader import LoggedShow
@@ -30,6 +30,8 @@ STEP = 0.005
 """Step of the integration, classical Runge-Kutta [s]."""
 CONTROL = 2
 """Steps between two commands: 100 Hz."""
+TOGETHER = 200
+"""Drones that fly together, in one run or several."""
 LOOK = 20
 """Steps between two looks at the distances of drones: 0.1 s."""
 
@@ -98,11 +100,20 @@ def campaign(
     legs = [*legs, (WHOLE, 0.0, logged.duration)]
     spans = [_span(course.times, start, time) for _, start, time in legs]
     progress.stage(f"simulating {weather.runs} flights", weather.runs)
+    # Numpy takes as long for a few drones as for many: they fly several runs at once.
+    # How many depends on nothing but the drones, so that results are the same anywhere.
+    together = 1 if model.predictive else max(1, TOGETHER // logged.drones)
     runs = [
-        partial(_summed, partial(fly_once, show, course, weather, run, model), spans)
-        for run in range(weather.runs)
+        range(first, min(first + together, weather.runs))
+        for first in range(0, weather.runs, together)
     ]
-    flown = side_by_side(runs, None, progress.advance)
+    parts = [
+        partial(_summed, partial(fly, show, course, weather, some, model), spans)
+        for some in runs
+    ]
+    waiting = iter(runs)
+    found = side_by_side(parts, None, lambda: progress.advance(len(next(waiting))))
+    flown = [one for some in found for one in some]
     # Of each run and leg, so that long shows of many drones fit into memory.
     errors = np.stack([one.errors for one in flown])
     tubes = []
@@ -151,16 +162,18 @@ def _span(times: FloatArray, start: float, duration: float) -> slice:
     return slice(first, max(last, first + 1))
 
 
-def _summed(fly: Callable[[], Flown], spans: list[slice]) -> _Legs:
-    """Fly, and sum up what was found over ``spans`` of commands."""
-    flown = fly()
-    return _Legs(
-        np.array([flown.errors[one].max(axis=0) for one in spans]),
-        np.array([np.mean(flown.errors[one] ** 2) for one in spans]),
-        np.array([flown.closest[one].min() for one in spans]),
-        np.array([flown.saturated[one].mean() for one in spans]),
-        np.array([flown.used[one].max() for one in spans]),
-    )
+def _summed(fly: Callable[[], list[Flown]], spans: list[slice]) -> list[_Legs]:
+    """Fly, and sum up what each flight found over ``spans`` of commands."""
+    return [
+        _Legs(
+            np.array([flown.errors[one].max(axis=0) for one in spans]),
+            np.array([np.mean(flown.errors[one] ** 2) for one in spans]),
+            np.array([flown.closest[one].min() for one in spans]),
+            np.array([flown.saturated[one].mean() for one in spans]),
+            np.array([flown.used[one].max() for one in spans]),
+        )
+        for flown in fly()
+    ]
 
 
 def course_of(logged: LoggedShow) -> Course:
@@ -189,7 +202,7 @@ class Flown:
     saturated: FloatArray
     """Share of drones whose rotors could not follow, shape (commands,)."""
     used: FloatArray
-    """Greatest share of a limit that any drone took, see :func:`share_of_limits`,
+    """Greatest share of a limit that any drone took, see :func:`shares_of_limits`,
     shape (commands,)."""
 
 
@@ -197,25 +210,35 @@ def fly_once(
     show: Show, course: Course, weather: Weather, run: int, model: Model
 ) -> Flown:
     """Fly a course from the first hover to the last, in the gusts of ``run``."""
-    return _Run(show, course, weather, run, model).fly()
+    return fly(show, course, weather, [run], model)[0]
 
 
-class _Run:
-    """One flight of the whole show."""
+def fly(
+    show: Show, course: Course, weather: Weather, runs: Sequence[int], model: Model
+) -> list[Flown]:
+    """Fly a course in the gusts of each of ``runs``, all at the same time."""
+    return _Runs(show, course, weather, runs, model).fly()
+
+
+class _Runs:
+    """Some flights of the whole show: rows are all drones of the first, of the next."""
 
     def __init__(
         self,
         show: Show,
         course: Course,
         weather: Weather,
-        run: int,
+        runs: Sequence[int],
         model: Model,
     ) -> None:
         self.course, self.off = course, model.imperfections
+        self.shape = len(runs), course.state.shape[1]
         self.limits = replace(show.limits, tilt=model.gains.lean)
         area = 0.5 * sum(show.body.drag_area)
         self.plant = Plant(show.vehicle, area, self.off.rotor_lag)
         step = STEP * CONTROL
+        if model.predictive and len(runs) > 1:
+            raise ValueError("the predictive controller flies one run at a time")
         self.tracker = (
             Predictor(
                 show.vehicle,
@@ -226,56 +249,71 @@ class _Run:
                 gains=model.gains,
             )
             if model.predictive
-            else Tracker(show.vehicle, course, step, model.gains)
+            else Tracker(show.vehicle, course, step, model.gains, len(runs))
         )
-        self.random = np.random.default_rng([weather.seed, run, 1])
-        bearing = self.random.uniform(0.0, 2.0 * np.pi)
-        along = np.array([np.cos(bearing), np.sin(bearing), 0.0])
-        across = np.array([-along[1], along[0], 0.0])
-        self.frame = np.stack([along, across, [0.0, 0.0, 1.0]])
-        self.mean = weather.wind * along
+        self.random = [np.random.default_rng([weather.seed, run, 1]) for run in runs]
+        bearing = np.array([one.uniform(0.0, 2.0 * np.pi) for one in self.random])
+        zero = np.zeros_like(bearing)
+        along = np.stack([np.cos(bearing), np.sin(bearing), zero], axis=1)
+        across = np.stack([-along[:, 1], along[:, 0], zero], axis=1)
+        up = np.broadcast_to([0.0, 0.0, 1.0], along.shape)
+        # Shape (runs, 3, 3).
+        self.frame = np.stack([along, across, up], axis=1)
+        self.mean = weather.wind * along[:, None]
         height = course.state[:, :, 2].max(axis=0)
         scales = Scales.at(height, weather.wind * SEVERITY[weather.gusts])
-        seed = int(self.random.integers(2**31))
-        self.gusts = Gusts(scales, weather.wind, STEP * CONTROL, seed)
+        seeds = [int(one.integers(2**31)) for one in self.random]
+        self.gusts = Gusts(scales, weather.wind, step, seeds)
 
-    def fly(self) -> Flown:
+    def fly(self) -> list[Flown]:
         """Fly from the first hover to the last."""
-        course, off = self.course, self.off
-        drones = course.state.shape[1]
-        state, thrust = course.state[0].copy(), course.control[0].copy()
+        course, off, (runs, drones) = self.course, self.off, self.shape
+        state, thrust = (
+            np.tile(part[0], (runs, 1)) for part in (course.state, course.control)
+        )
         sizes = np.repeat([off.position, off.velocity, off.attitude, off.rate], 3)
         fade = np.exp(-STEP * CONTROL / off.correlation) if off.correlation else 0.0
-        error = sizes * self.random.standard_normal((drones, 12))
-        waiting = [course.control[0]] * max(1, round(off.delay / (STEP * CONTROL)))
-        errors = np.empty(course.state.shape[:2])
-        used = np.empty(course.times.size)
-        closest = np.full(course.times.size, np.inf)
-        clipped = np.empty(course.times.size)
-        for number in range(course.times.size):
-            noise = sizes * self.random.standard_normal((drones, 12))
+        normals = Normals(self.random, (drones, 12))
+        error = sizes * normals().reshape(-1, 12)
+        waiting = [thrust] * max(1, round(off.delay / (STEP * CONTROL)))
+        count = course.times.size
+        errors = np.empty((count, runs, drones))
+        used, clipped = np.empty((count, runs)), np.empty((count, runs))
+        closest = np.full((count, runs), np.inf)
+        for number in range(count):
+            noise = sizes * normals().reshape(-1, 12)
             error = fade * error + np.sqrt(1.0 - fade**2) * noise
             estimate = state + error
             wanted = course.state[number]
             asked, limited = self.plant.allotted(self.tracker.command(estimate, number))
-            clipped[number] = limited.mean()
+            clipped[number] = limited.reshape(self.shape).mean(axis=1)
             waiting.append(asked)
             command = waiting.pop(0)
             air = self.mean + self.gusts() @ self.frame
-            errors[number] = np.linalg.norm(state[:, :3] - wanted[:, :3], axis=1)
+            places = state[:, :3].reshape(runs, drones, 3)
+            errors[number] = np.linalg.norm(places - wanted[:, :3], axis=2)
             if number % (LOOK // CONTROL) == 0:
-                closest[number] = _closest(state[:, :3])
+                closest[number] = [_closest(one) for one in places]
             # The ground brakes the wind, and holds what stands on it.
             air *= np.clip(wanted[:, 2:3] / LOWEST, 0.0, 1.0)
+            wind = air.reshape(-1, 3)
             for _ in range(CONTROL):
-                state, thrust = self.plant.after(state, thrust, command, air, STEP)
-            used[number] = share_of_limits(self.limits, state, thrust)
+                state, thrust = self.plant.after(state, thrust, command, wind, STEP)
+            shares = shares_of_limits(self.limits, state, thrust)
+            used[number] = shares.reshape(self.shape).max(axis=1)
             self.tracker.observe(estimate, thrust)
-        return Flown(errors, closest, clipped, used)
+        return [
+            Flown(errors[:, run], closest[:, run], clipped[:, run], used[:, run])
+            for run in range(runs)
+        ]
 
 
-def share_of_limits(limits: Limits, state: FloatArray, control: FloatArray) -> float:
-    """Return the greatest share of a limit that n drones take; above 1: beyond it.
+def shares_of_limits(
+    limits: Limits, state: FloatArray, control: FloatArray
+) -> FloatArray:
+    """Return the greatest share of a limit that each drone takes, (n,).
+
+    Above 1 it is beyond that limit.
 
     Looked at are roll and pitch, body rates, thrust, torques and speeds.
 
@@ -292,11 +330,11 @@ def share_of_limits(limits: Limits, state: FloatArray, control: FloatArray) -> f
     low, high = [*low, limits.thrust_min, *-torque], [*high, limits.thrust_max, *torque]
     middle, half = np.add(low, high) / 2.0, np.subtract(high, low) / 2.0
     value = np.hstack([state[:, [3, 4, 5, 6, 7, 9, 10, 11]], control])
-    share = float((np.abs(value - middle) / half).max())
+    share = (np.abs(value - middle) / half).max(axis=1)
     if not limits.level_speed:
-        return share
-    level = np.hypot(state[:, 3], state[:, 4]).max()
-    return max(share, float(level) / limits.level_speed)
+        return np.asarray(share)
+    level = np.hypot(state[:, 3], state[:, 4])
+    return np.asarray(np.maximum(share, level / limits.level_speed))
 
 
 def _closest(places: FloatArray) -> float:

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from showc.arrays import FloatArray
 
 FOOT = 0.3048
@@ -25,6 +27,8 @@ SLOWEST = 1.0
 """Least speed at which air passes by [m/s]."""
 LOWEST = 3.0
 """Least height at which the model holds, 10 ft [m]."""
+AHEAD = 32
+"""Steps for which numbers are drawn together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,6 +61,34 @@ class Scales:
         )
 
 
+class Normals:
+    """Standard normal numbers of several generators, step by step.
+
+    Each generator gives the numbers that it would give alone, whatever is beside it.
+
+    Parameters
+    ----------
+    generators
+        One of each flight.
+    shape
+        Of the numbers of one step.
+    """
+
+    def __init__(
+        self, generators: Sequence[np.random.Generator], shape: tuple[int, ...]
+    ) -> None:
+        self._generators, self._shape = generators, (AHEAD, *shape)
+        self._drawn, self._next = np.empty(0), AHEAD
+
+    def __call__(self) -> FloatArray:
+        """Return the next ones, shape (generators, *shape)."""
+        if self._next == AHEAD:
+            drawn = [one.standard_normal(self._shape) for one in self._generators]
+            self._drawn, self._next = np.stack(drawn), 0
+        self._next += 1
+        return np.asarray(self._drawn[:, self._next - 1])
+
+
 class Gusts:
     """Gusts along the mean wind, across it and upwards, step by step.
 
@@ -68,12 +100,14 @@ class Gusts:
         Speed at which air passes by [m/s].
     step
         Time between two values [s].
-    seed
-        Of the random numbers.
+    seeds
+        Of the random numbers of each flight.
     """
 
-    def __init__(self, scales: Scales, wind: float, step: float, seed: int) -> None:
-        self._random = np.random.default_rng(seed)
+    def __init__(
+        self, scales: Scales, wind: float, step: float, seeds: Sequence[int]
+    ) -> None:
+        generators = [np.random.default_rng(seed) for seed in seeds]
         speed = max(wind, SLOWEST)
         self._times = np.stack([scales.length, scales.length, scales.length_up]) / speed
         self._sigma = np.stack([scales.sigma, scales.sigma, scales.sigma_up])
@@ -91,14 +125,17 @@ class Gusts:
         with np.errstate(invalid="ignore", divide="ignore"):
             self._cross = np.where(first > 0.0, cross / self._first, 0.0)
         self._second = np.sqrt(np.maximum(second - self._cross**2, 0.0))
-        shape = self._times.shape
-        one, other = self._random.standard_normal((2, *shape))
+        self._normals = Normals(generators, (2, *self._times.shape))
+        one, other = np.moveaxis(self._normals(), 1, 0)
         root = np.sqrt(own)
         self._states = np.stack([root * one, root * (0.5 * one + 0.5 * other)])
 
     def __call__(self) -> FloatArray:
-        """Return the gusts of the next step, along, across and up, (n, 3) [m/s]."""
-        one, other = self._random.standard_normal((2, *self._times.shape))
+        """Return the gusts of the next step: along, across and up.
+
+        Shape (seeds, n, 3) [m/s].
+        """
+        one, other = np.moveaxis(self._normals(), 1, 0)
         x1, x2 = self._states
         self._states = np.stack(
             [
@@ -113,4 +150,5 @@ class Gusts:
         root = np.sqrt(3.0)
         shaped = root * x1 + (1.0 - root) * x2
         # Along the wind the spectrum is of first order: x1, with its full variance.
-        return np.stack([np.sqrt(2.0) * x1[0], shaped[1], shaped[2]], axis=1)
+        along = np.sqrt(2.0) * x1[:, 0]
+        return np.stack([along, shaped[:, 1], shaped[:, 2]], axis=-1)

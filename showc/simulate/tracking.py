@@ -88,23 +88,37 @@ class Observer:
 
 
 class Tracker:
-    """Controls n drones along their course, ``step`` [s] between two commands."""
+    """Controls n drones along their course, ``step`` [s] between two commands.
+
+    The course of each is flown ``flights`` times side by side: all drones of the first
+    flight, then those of the next.
+    """
 
     def __init__(
-        self, vehicle: Quadrotor, course: Course, step: float, gains: Gains
+        self,
+        vehicle: Quadrotor,
+        course: Course,
+        step: float,
+        gains: Gains,
+        flights: int = 1,
     ) -> None:
         self.vehicle, self.gains, self.course, self.step = vehicle, gains, course, step
-        self.observer = Observer(vehicle, gains.observer, course.state[0, :, 3:6])
+        self._tiles = flights, 1
+        velocity = np.tile(course.state[0, :, 3:6], self._tiles)
+        self.observer = Observer(vehicle, gains.observer, velocity)
 
     def command(self, estimate: FloatArray, number: int) -> FloatArray:
         """Return the controls U1..U4, (n, 4), for estimated states (n, 12).
 
         ``number`` is that of the command, counting from 0.
         """
-        gains, vehicle = self.gains, self.vehicle
-        state, control = self.course.state[number], self.course.control[number]
+        gains, vehicle, course = self.gains, self.vehicle, self.course
+        state, control, planned_push = (
+            np.tile(part[number], self._tiles)
+            for part in (course.state, course.control, course.acceleration)
+        )
         push = (
-            self.course.acceleration[number]
+            planned_push
             + gains.position * (state[:, :3] - estimate[:, :3])
             + gains.velocity * (state[:, 3:6] - estimate[:, 3:6])
             - self.observer.disturbance
