@@ -306,12 +306,15 @@ class _Assessment:
         step, drone = np.unravel_index(int(lowest.argmin()), lowest.shape)
         least_voltage, wanted = float(lowest[step, drone]), show.battery.voltage_min
         if least_voltage < wanted:
+            said = f"the voltage under load falls to {least_voltage:.2f} V"
+            if np.isnan(found.voltage[step, drone]):
+                power = found.power[step, drone]
+                said = f"the battery cannot give {power:.1f} W, at any voltage"
             self.findings.append(
                 Finding(
                     "SAF132",
                     "error",
-                    f"the voltage under load falls to {least_voltage:.2f} V, at least "
-                    f"{wanted:.2f} V is wanted (estimate)",
+                    f"{said}; at least {wanted:.2f} V is wanted (estimate)",
                     wanted - least_voltage,
                     Place(int(drone), float(found.times[step])),
                 )

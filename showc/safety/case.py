@@ -134,6 +134,7 @@ class SafetyCase:
 
     def to_json(self) -> dict[str, Any]:
         """Return the case as data that JSON can be written of; drones count from 1."""
+        lowest = float(self.energy.voltage.min())
         return {
             "name": self.show.name,
             "findings": [
@@ -168,7 +169,8 @@ class SafetyCase:
                 "charge_of_abort": round(self.energy.abort, 4),
                 "charge_allowed": round(self.show.battery.allowed, 4),
                 "most_energy": round(float(self.energy.energy.max()), 1),
-                "lowest_voltage": round(float(np.nanmin(self.energy.voltage)), 3),
+                # None where the battery cannot give the power at any voltage.
+                "lowest_voltage": None if np.isnan(lowest) else round(lowest, 3),
                 "hover_endurance": self.energy.hover_endurance,
             },
             "failures": {

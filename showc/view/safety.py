@@ -307,7 +307,7 @@ def _energy(case: SafetyCase) -> str:
             f"{energy.energy[drone] / 3600.0:.2f}",
             f"{100.0 * energy.used[drone]:.1f}",
             f"{energy.power[:, drone].max():.1f}",
-            f"{np.nanmin(energy.voltage[:, drone]):.2f}",
+            _voltage(float(energy.voltage[:, drone].min())),
         ]
         for drone in order.tolist()
     ]
@@ -336,6 +336,11 @@ def _energy(case: SafetyCase) -> str:
         f"{table(heads, rows, words=frozenset({0}))}"
         f'<div class="maps">{plots}</div>'
     )
+
+
+def _voltage(lowest: float) -> str:
+    """Return a voltage; NaN: the battery cannot give the power at any."""
+    return f"{lowest:.2f}" if lowest > 0.0 else '<span class="fail">none</span>'
 
 
 def _spared(logged: LoggedShow) -> str:

@@ -13,6 +13,7 @@ from showc.safety.energy import Draw, current, flight_energy, hover_endurance
 from showc.safety.pieces import flown_legs
 from showc.vehicle import PRESETS
 from showc.vehicle.power import Power, air_density, rotor_thrusts
+from showc.view import render_safety
 
 # Bitcraze wiki, misc:investigations:thrust: current [A], thrust [g], voltage [V].
 MEASURED = np.array(
@@ -120,6 +121,13 @@ def test_too_small_a_battery_is_found(logged):
     assert row == 0 or spent[row - 1] <= small.battery.allowed
     weak = replace(show, battery=replace(show.battery, resistance=0.5))
     assert "SAF132" in {item.code for item in safety_case(logged, weak).errors}
+    # Not even at half its voltage.
+    dead = replace(show, battery=replace(show.battery, resistance=5.0))
+    found = safety_case(logged, dead)
+    low = next(item for item in found.errors if item.code == "SAF132")
+    assert "cannot give" in low.message
+    assert found.to_json()["energy"]["lowest_voltage"] is None
+    assert ">none<" in render_safety(logged, found)
     assert "SAF131" not in {item.code for item in safety_case(logged, show).findings}
 
 
