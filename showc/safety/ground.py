@@ -15,7 +15,7 @@ import numpy as np
 
 from showc.safety.discs import Boxes
 from showc.safety.landing import Courses
-from showc.script.fence import inside_polygon
+from showc.script.fence import area_of, inside_polygon
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -450,8 +450,7 @@ def widened(corners: FloatArray, distance: float) -> FloatArray:
 
 def area(corners: FloatArray) -> float:
     """Area of a polygon (n, 2) [m²]."""
-    x, y = corners.T
-    return 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
+    return abs(area_of(corners))
 
 
 def outline(points: FloatArray, *, closed: bool) -> FloatArray:

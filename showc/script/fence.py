@@ -63,6 +63,12 @@ def crossed_edges(corners: FloatArray) -> tuple[int, int] | None:
     return None
 
 
+def area_of(corners: FloatArray) -> float:
+    """Return the area of a polygon (n, 2) [m²], positive if it is counter-clockwise."""
+    x, y = corners.T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
 def polygons_meet(one: FloatArray, other: FloatArray) -> bool:
     """Tell whether two polygons (n, 2) and (m, 2) have points in common."""
     if inside_polygon(one, other).any() or inside_polygon(other, one).any():
@@ -174,8 +180,7 @@ class Fence:
     def _around(self, spare: float) -> FloatArray:
         """Points about the reflex corners that keep the margin, shape (m, 2) [m]."""
         corners = self.corners
-        x, y = corners.T
-        turning = np.sign(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) or 1.0
+        turning = np.sign(area_of(corners)) or 1.0
         found = [np.zeros((0, 2))]
         for before, corner, after in zip(
             np.roll(corners, 1, axis=0),

@@ -206,17 +206,10 @@ class Flown:
     shape (commands,)."""
 
 
-def fly_once(
-    show: Show, course: Course, weather: Weather, run: int, model: Model
-) -> Flown:
-    """Fly a course from the first hover to the last, in the gusts of ``run``."""
-    return fly(show, course, weather, [run], model)[0]
-
-
 def fly(
     show: Show, course: Course, weather: Weather, runs: Sequence[int], model: Model
 ) -> list[Flown]:
-    """Fly a course in the gusts of each of ``runs``, all at the same time."""
+    """Fly a course from hover to hover, in the gusts of each of ``runs``."""
     return _Runs(show, course, weather, runs, model).fly()
 
 

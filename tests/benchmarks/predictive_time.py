@@ -15,7 +15,7 @@ import numpy as np
 from showc.log.reader import read_log
 from showc.safety.assessment import show_of
 from showc.simulate import predictive
-from showc.simulate.campaign import Model, course_of, fly_once
+from showc.simulate.campaign import Model, course_of, fly
 from showc.simulate.results import Weather
 from showc.simulate.tracking import Course, Gains
 
@@ -51,7 +51,7 @@ def main(log: Path, runs: int) -> None:
             whole.acceleration[:, mine],
         )
         for name, model in models.items():
-            found = fly_once(show, course, WEATHER, run, model)
+            found = fly(show, course, WEATHER, [run], model)[0]
             errors[name].append(float(np.sqrt(np.mean(found.errors**2))))
             _say(
                 f"run {run + 1}, {name}: {errors[name][-1]:.3f} m RMS, "

@@ -20,7 +20,6 @@ from showc.simulate.campaign import (
     campaign,
     course_of,
     fly,
-    fly_once,
     shares_of_limits,
     tube_radius,
 )
@@ -203,7 +202,7 @@ def test_flights_are_the_same_side_by_side(compiled):
     weather, show = Weather(8.0, "moderate", 3), show_of(logged)
     together = fly(show, course, weather, [0, 1, 4], Model())
     for run, one in zip([0, 1, 4], together, strict=True):
-        alone = fly_once(show, course, weather, run, Model())
+        alone = fly(show, course, weather, [run], Model())[0]
         for name in ("errors", "closest", "saturated", "used"):
             assert getattr(one, name) == pytest.approx(getattr(alone, name), rel=1e-6)
 
@@ -248,7 +247,7 @@ def test_looking_ahead_halves_the_error_in_gusts(lonely):
         "flatness": Model(replace(Gains(), observer=0.0)),
         "predictive": Model(predictive=True),
     }.items():
-        flown = [fly_once(show, course, weather, run, model) for run in range(2)]
+        flown = [fly(show, course, weather, [run], model)[0] for run in range(2)]
         # The wind is there at once; what it adds is learnt within two seconds.
         squares = [np.mean(found.errors[200:] ** 2) for found in flown]
         stray[name] = float(np.sqrt(np.mean(squares)))
@@ -332,9 +331,8 @@ def test_looking_ahead_finds_back_from_where_it_should_not_be(lonely):
     aside = np.zeros(12)
     aside[0] = 2.0
     jump = hovering(show.vehicle, aside, np.zeros(12))
-    found = fly_once(
-        show, jump, Weather(0.0, "none", 1), 0, Model(Gains(), IDEAL, predictive=True)
-    )
+    model = Model(Gains(), IDEAL, predictive=True)
+    (found,) = fly(show, jump, Weather(0.0, "none", 1), [0], model)
     assert not found.saturated.any()
     # It knows of the jump beforehand and leaves early, by as much as serves both.
     assert found.errors[:, 0].max() < 1.6

@@ -217,7 +217,7 @@ class _Held:
         every = np.arange(len(formation.points))
         moving = moving_places(every, every, formation, one, show.formations)
         since = times - self.begin
-        return np.asarray(moving.positions(self.end - self.begin, since))
+        return moving.positions(self.end - self.begin, since)
 
 
 def _held(show: Show, chapter: list[int]) -> Iterator[_Held]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.script.fence import crossed_edges
+from showc.script.fence import area_of, crossed_edges
 from showc.script.show import Audience, Building, Risk, Site
 
 if TYPE_CHECKING:
@@ -59,9 +59,7 @@ def _twisted(settings: Settings, key: str, reader: Reader) -> bool:
         return False
     corners = _points(settings, key)
     crossed = crossed_edges(corners)
-    x, y = (corners - corners[0]).T
-    enclosed = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)))
-    if crossed is None and enclosed < LEAST_AREA:
+    if crossed is None and abs(area_of(corners)) < LEAST_AREA:
         reader.say(
             "SHW123",
             "the outline encloses no area: its corners are on one line",

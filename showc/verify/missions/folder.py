@@ -22,6 +22,7 @@ from showc.verify.missions import language
 from showc.verify.missions.flight import check_flight, check_places, visits
 from showc.verify.missions.law import KNOWN, fastest_level, parameter_file
 from showc.verify.missions.legs import Clock, fleet_legs, standing, to_show_frame
+from showc.verify.missions.lights import Lit, unlit
 from showc.verify.missions.separation import Tubes
 from showc.verify.report import Check, Verdict, agreement, checked
 from showc.verify.specification.compare import read_json, unlike
@@ -204,17 +205,16 @@ class Missions:
         if self.fleet is not None and self.known:
             ends = visits(self.fleet, self.show, moves)[0]
             ends = np.where(ends < 0, -1, ends + 1 - self.fleet.first[:-1, None])
-        lit = [[language.Lit([dark] * len(servos), 0)] for _ in range(self.show.drones)]
+        lit = [[Lit([dark] * len(servos), 0)] for _ in range(self.show.drones)]
         spans = () if self.asked.lights is None else self.asked.lights.spans
         begun = {(round(one.start, 6), one.drones[0]): one.end for one in spans}
         for number, move in enumerate(moves):
             end = begun.get((round(move.start, 6), *move.drones[:1]), np.zeros((0, 3)))
             pulses = np.rint(dark + np.clip(end, 0.0, 1.0) * (full - dark)).astype(int)
             for drone, own in zip(move.drones, pulses.tolist(), strict=False):
-                lit[drone].append(language.Lit(own, int(ends[drone, number])))
+                lit[drone].append(Lit(own, int(ends[drone, number])))
         for asked, (name, mission) in zip(lit, self.missions.items(), strict=False):
-            wrong = language.unlit(mission, asked, servos)
-            yield from (f"{name}: {one}" for one in wrong)
+            yield from (f"{name}: {one}" for one in unlit(mission, asked, servos))
 
     def _autopilot(self) -> Check:
         """Hold the autopilot against the script's, and the parameters of a known one.

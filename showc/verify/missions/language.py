@@ -5,7 +5,6 @@ where its grammar does not have it, is refused: what an autopilot makes of other
 is not known here, so nothing about them can be proved. Words and sentences are listed
 in ``language.toml``. Rows are written in one way only: numbers in their shortest form,
 places with eight decimals, heights with three. So the bytes follow from what is said.
-Among the words are the colours that moves end in, each at its time.
 """
 
 from __future__ import annotations
@@ -13,14 +12,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import groupby
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from showc.codes import read_table
 from showc.errors import ShowError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
 
 RULES: dict[str, Any] = read_table(__package__ or "", "language.toml")
 """What ``language.toml`` says."""
@@ -109,7 +104,10 @@ def read_mission(content: bytes, autopilot: str = "ardupilot") -> Mission:
     if not _GRAMMARS[autopilot].fullmatch(sentence):
         raise MissionFormatError(f"its rows are no mission, but {sentence:.80}")
     home = items[0] if autopilot == "ardupilot" else None
-    if home is not None and home[4:6] != items[1][4:6]:
+    takeoff = items[1]
+    if home is not None and (
+        (takeoff.latitude, takeoff.longitude) != (home.latitude, home.longitude)
+    ):
         raise MissionFormatError("line 3: takes off elsewhere than from its home")
     return Mission(home, tuple(items[home is not None :]))
 
@@ -165,73 +163,3 @@ def _stored(height: float) -> bool:
     centimetres = round(abs(height) * 100.0 - 0.2)
     wanted = 0.01 * centimetres + 0.002 if centimetres else 0.0
     return abs(abs(height) - wanted) < 1e-6
-
-
-class Lit(NamedTuple):
-    """A colour of a drone's lights, and when it comes on."""
-
-    pulses: list[int]
-    """Pulse width of each output [us]."""
-    step: int
-    """Of a move: how many legs there are up to its end, -1 if that is not known. Of a
-    mission: how many legs and slots are behind it."""
-
-
-def unlit(
-    mission: Mission, asked: Sequence[Lit], servos: Sequence[int]
-) -> Iterator[str]:
-    """Say how a mission's lights differ from those that its moves ask for, in order.
-
-    A colour comes on the legs of its own move, from the slot of the first up to the
-    slot that follows the last; if a drone has none, on a slot in between.
-    """
-    new = [n for n, one in enumerate(asked) if not n or one[0] != asked[n - 1][0]]
-    try:
-        shown, steps = _shown(mission, asked[0], servos)
-    except ValueError as error:
-        yield str(error)
-        return
-    wanted = [asked[n].pulses for n in (new if servos else new[:1])]
-    if [one.pulses for one in shown] != wanted:
-        found = [one.pulses for one in shown]
-        yield f"shows {found}, the moves end in {wanted} us"
-    for one, at in zip(shown[1:], new[1:], strict=False):
-        before, last = asked[at - 1].step, asked[at].step
-        if min(before, last) < 0:
-            continue
-        low, high = steps[before] + 1, steps[min(last + 1, len(steps) - 1)] - 2
-        if before < last:
-            low, high = steps[before + 1] - 1, steps[last]
-        if not low <= one.step <= high:
-            yield f"shows {one.pulses} us on the legs of another move"
-
-
-def _shown(
-    mission: Mission, dark: Lit, servos: Sequence[int]
-) -> tuple[list[Lit], list[int]]:
-    """Return what a mission shows one after the other, dark at first.
-
-    Also returns how many legs and slots there are up to the end of each leg. ValueError
-    if it sets an output that is not one of them, or twice at once, or to no avail; or
-    not all of them before it flies.
-    """
-    found, steps, step = [dark], [0], 0
-    now: dict[int, int] = {}
-    for word, some in groupby(mission.items, key=lambda item: item.word):
-        items = list(some)
-        if word != "V":
-            for _ in items if word in "TWLCGP" else ():
-                step += 1
-                steps += [step] * (word in "TWL")
-            continue
-        own = {int(item.parameters[0]): int(item.parameters[1]) for item in items}
-        if not now and (step > 1 or own.keys() != {*servos}):
-            raise ValueError("does not set its outputs, and those alone, at first")
-        if len(own) < len(items) or own.items() & now.items() or own.keys() - {*servos}:
-            raise ValueError("sets an output that the script does not name, or again")
-        now |= own
-        pulses = [now.get(pin, was) for pin, was in zip(servos, dark[0], strict=True)]
-        found += [Lit(pulses, step)] * (pulses != found[-1].pulses)
-    if now.keys() != {*servos}:
-        raise ValueError("does not set its outputs")
-    return found, steps

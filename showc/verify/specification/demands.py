@@ -195,9 +195,11 @@ class _Walk:
         segment = self._leg("transition", name, to, duration=duration, moves=count)
         flights = [motion.Flight(segment.start, segment.end) for _ in transitions]
         if own:
-            both = self.demands, self.logged
-            self.lanes = motion.Lanes(*both, segment, transitions, show.groups)
-            flights = self.lanes.flights
+            lanes = motion.Lanes(self.logged, segment, transitions, show.groups)
+            self.lanes, flights = lanes, lanes.flights
+            self.demands.claims += lanes.claims
+            self.demands.legs += lanes.unproved
+            self.demands.times += lanes.times
         self._place(segment, transitions, flights)
         places = self.fleet if first.group is not None else self.placed[0].places
         if to not in self.formations:

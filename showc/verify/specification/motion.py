@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.script.show import Transition
     from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
-    from showc.verify.specification.demands import Demands
 
 ON_TIME = 0.01
 """How far an arrival or a departure may be off the time that the script asks for [s]:
@@ -151,10 +150,8 @@ def astray(
     worst, other = int(np.argmax(far)), int(np.argmax(slip))
     said = ""
     if not far[worst] <= FOLLOWED:
-        said = (
-            f"drone {worst + 1} may be {far[worst]:.6f} m from where the motion has it"
-        )
-        said += f", {FOLLOWED:g} m is allowed"
+        said = f"drone {worst + 1} may be {far[worst]:.6f} m from where the motion "
+        said += f"has it, {FOLLOWED:g} m is allowed"
     elif not slip[other] <= 1.0:
         said = f"drone {other + 1} begins or ends in another state than the motion's"
         said += f": {slip[other]:.3g} times what is allowed"
@@ -228,20 +225,22 @@ class Flight:
 
 
 class Lanes:
-    """The lanes of one leg: its ``transitions``, by their groups.
-
-    What is wrong with them, and what they claim, goes into ``demands``.
-    """
+    """The lanes of one leg: its ``transitions``, by their groups."""
 
     def __init__(
         self,
-        demands: Demands,
         logged: LoggedShow,
         segment: Segment,
         transitions: Sequence[Transition],
         groups: Mapping[str, Sequence[int]],
     ) -> None:
-        self.demands, self.logged, self.segment = demands, logged, segment
+        self.logged, self.segment = logged, segment
+        self.claims: list[Segment] = []
+        """What groups fly in their moves, with what the log claims of each."""
+        self.unproved: list[str] = []
+        """Moves of which something is claimed that is not proved."""
+        self.times: list[str] = []
+        """Moves that are not flown when the log claims it."""
         said = list(segment.message.moves)
         asked = []
         for one in transitions:
@@ -259,7 +258,7 @@ class Lanes:
             for claim in (claim for at in lane for claim in both[at]):
                 self._claim(members, claim)
             mine, own = [both[at][0] for at in lane], [self.flights[at] for at in lane]
-            demands.times += self._unlike(members, mine, own)
+            self.times += self._unlike(members, mine, own)
 
     def _follow(self, lane: list[tuple[Transition, Flight, list[pb.Move]]]) -> None:
         """Check that the moves of a lane follow each other, with their holds."""
@@ -286,11 +285,11 @@ class Lanes:
         part = during(self.segment, drones, claim.start, end)
         # What comes near it is a matter of the whole leg: a move claims no encounter.
         if part is None or claim.certificate.HasField("closest"):
-            self.demands.legs.append(f"“{claim.name}”: more is claimed than a bound")
+            self.unproved.append(f"“{claim.name}”: more is claimed than a bound")
             return
         part.message.certificate.CopyFrom(claim.certificate)
         part.message.name = claim.name
-        self.demands.claims.append(replace(part, goals=part.ends()[1][:, :3]))
+        self.claims.append(replace(part, goals=part.ends()[1][:, :3]))
 
     def waits(self, drones: IntArray) -> BoolArray:
         """Whether drones (n,) hover, on each of their mesh intervals in the leg."""
