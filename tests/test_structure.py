@@ -57,6 +57,7 @@ MAY_IMPORT = {
     # Most of it imports less: see the rooms of verify.
     "verify": {
         "codes",
+        "documents",
         "errors",
         "_version",
         "files",
@@ -79,12 +80,12 @@ MAY_IMPORT = {
 # again by what drew it, and compared; the layouts of samples are the log's.
 ROOMS_OF_VERIFY = {
     "verify/kernel": {"verify.kernel", "log.showc_pb2"},
-    "verify/specification": {"verify", "errors", "files", "script", "vehicle"}
+    "verify/specification": {"verify", "documents", "files", "script", "vehicle"}
     | {"light", "log.showc_pb2", "log.facts", "log.schema", "log.container"},
     # What missions must be follows from the script, and so do their lights.
-    "verify/missions": {"verify", "codes", "errors", "files", "script", "light"}
-    | {"log.showc_pb2", "log.container", "log.schema"},
-    "verify/samples.py": {"verify", "script", "light"}
+    "verify/missions": {"verify", "codes", "documents", "errors", "files"}
+    | {"script", "light", "log.showc_pb2", "log.container", "log.schema"},
+    "verify/samples.py": {"verify", "documents", "script", "light"}
     | {"log.scene", "log.sample", "log.schema", "log.container"},
     "verify": {
         "verify",
@@ -95,7 +96,7 @@ ROOMS_OF_VERIFY = {
         "processes",
         "progress",
     }
-    | {"log.showc_pb2", "log.schema", "log.container", "log.records"},
+    | {"script.show", "log.showc_pb2", "log.schema", "log.container", "log.records"},
 }
 
 # What the folders of a room may import of each other, besides what lies beside them:

@@ -1,4 +1,4 @@
-"""Archives and JSON of unknown origin, read within bounds.
+"""Archives of unknown origin, read within bounds.
 
 An archive is looked at before anything of it is unpacked: names that lead out of it,
 sizes that no show has and contents that unpack to many times their size are refused.
@@ -6,17 +6,16 @@ sizes that no show has and contents that unpack to many times their size are ref
 
 from __future__ import annotations
 
-import json
 import zipfile
 import zlib
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
+from showc.documents.values import parse_json
 from showc.errors import DamagedFileError
 from showc.files import open_file
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
 MOST_ENTRIES = 20_000
@@ -140,58 +139,6 @@ class Archive:
                 f"{self.name}: the entry {name!r} is longer than the archive says"
             )
         return content
-
-
-MOST_MEMORY = 1 << 28
-"""What a parsed document may take [bytes]: twice the longest text of one."""
-
-_PER_CONTAINER, _PER_VALUE = 72, 32
-"""What a list and a number in it take at least in memory [bytes]."""
-
-
-_PER_BYTE = 8
-"""What one byte of a document that is gathered as it is read may take in memory
-[bytes]: numbers in objects with names take five, numbers alone sixteen."""
-
-
-def parse_json(
-    content: bytes,
-    name: str,
-    gathered: Callable[[dict[str, Any]], dict[str, Any]] | None = None,
-) -> Any:  # noqa: ANN401 - any JSON
-    """Parse JSON.
-
-    Parameters
-    ----------
-    content
-        The document.
-    name
-        Of it, for the error.
-    gathered
-        Makes arrays of the long lists of an object as soon as it is read, so that a
-        document never is in memory as objects.
-
-    Raises
-    ------
-    DamagedFileError
-        If it is none, is nested beyond all reason, or would take too much memory.
-    """
-    containers = content.count(b"[") + content.count(b"{")
-    needed = _PER_CONTAINER * containers + _PER_VALUE * content.count(b",")
-    most = MOST_MEMORY
-    if gathered is not None:
-        most = max(most, _PER_BYTE * len(content))
-    if needed > most:
-        raise DamagedFileError(
-            f"{name}: would take {needed >> 20:,} MB of memory as one document; wanted "
-            f"at most {most >> 20:,} MB: one file a drone reads well"
-        )
-    try:
-        return json.loads(content, object_hook=gathered)
-    except RecursionError:
-        raise DamagedFileError(f"{name}: JSON is nested too deeply") from None
-    except ValueError as error:
-        raise DamagedFileError(f"{name}: is no JSON ({error})") from None
 
 
 class References:

@@ -12,8 +12,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from showc.documents.archive import parse_json
 from showc.documents.numbers import number, rising
+from showc.documents.values import parse_json
 from showc.errors import DamagedFileError
 
 if TYPE_CHECKING:

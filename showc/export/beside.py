@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from mcap.reader import make_reader
 
-from showc.documents.archive import LARGEST_FILE, parse_json
+from showc.documents.archive import LARGEST_FILE
+from showc.documents.values import parse_json, unlike
 from showc.errors import DamagedFileError
 from showc.export.error import error_of
 from showc.export.fit import tracks_of
@@ -55,7 +56,6 @@ from showc.log.reader import read_log
 from showc.log.schema import METADATA_NAME
 from showc.script import read_show
 from showc.verify.report import NAMED, Check, Place
-from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
-from showc.documents.archive import LARGEST_FILE, parse_json
+from showc.documents.archive import LARGEST_FILE
 from showc.documents.numbers import array, number
+from showc.documents.values import parse_json
 from showc.errors import DamagedFileError
 from showc.files import read_file
 from showc.foreign.facts import Asked

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from showc.documents.archive import Archive, References, parse_json
+from showc.documents.archive import Archive, References
 from showc.documents.numbers import array, number, places, rising
+from showc.documents.values import parse_json
 from showc.errors import DamagedFileError
 from showc.foreign.show import (
     Course,

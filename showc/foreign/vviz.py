@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from showc.documents.archive import LARGEST_ENTRY, parse_json
+from showc.documents.archive import LARGEST_ENTRY
 from showc.documents.numbers import array, number, places, rising
+from showc.documents.values import parse_json
 from showc.errors import DamagedFileError
 from showc.files import read_file
 from showc.foreign.show import Courses, ForeignShow, LightTrack, polyline

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,16 +21,21 @@ from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.missions.folder import Missions
-from showc.verify.report import Check, Place, Verification, agreement, checked
+from showc.verify.report import Check, Verification, agreement, check_of, checked
 from showc.verify.samples import Samples, join
 from showc.verify.specification.aborts import Aborts, bound_to
 from showc.verify.specification.cover import check_cover, read_anchor
-from showc.verify.specification.demands import hold_against
+from showc.verify.specification.demands import Demands, hold_against
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from showc.verify.kernel.show import Statement
+    from showc.script.show import Show
+    from showc.verify.kernel.show import LoggedShow, Segment
+
+    Room = tuple[
+        Sequence[Callable[[], Any]], Callable[[list[Any]], Iterable[Check]]
+    ]  # what is to be done, in parts for side by side; how it becomes checks
 
 
 def verify_log(
@@ -87,58 +92,80 @@ def _proved(
     if metadata is None:
         raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
     anchor, asked, checks = read_anchor(log, metadata, script)
-    show, lights = read_show(log), None
-    if asked is not None:
-        demands = hold_against(asked, show)
-        work: dict[str, Sequence[Callable[[], Any]]] = {"motions": demands.motions}
-        lights = None if demands.rules else demands.lights
-        if lights is not None:
-            beside = Missions(log, show, asked, demands) if missions else None
-            added = [one for one in ADDITIONS if log.attachment(one) is not None]
-            aborts = Aborts(log, show, asked) if ABORT_NAME in added else None
-            tubes = None if beside is None else beside.tubes
-            claimed = [*show.segments, *demands.claims]
-            samples = Samples(log, show, lights, asked, tubes)
-            # The longest parts first, so that no process works alone at the end.
-            rules, segments = show.rules, show.segments
-            work |= {
-                "missions": [] if beside is None else beside.parts(),
-                "aborts": [] if aborts is None else aborts.parts(),
-                "physics": [partial(radius, one, rules.vehicle) for one in segments],
-                "limits": [partial(extremes, one, rules) for one in segments],
-                "separation": encounter_parts(show),
-                "bounds": [partial(excess, show, one) for one in claimed],
-                "choreography": [partial(joined_up, show)],
-                "samples": samples.parts(),
-            }
-        found = _done(work, jobs, watch)
-        checks += demands.checks(found["motions"])
-        checks += check_cover(log, metadata, show, asked)
-    checks += [_integrity(log), check_schemas(log)]
-    if lights is not None:
-        checks += [bound_to(log, added)] if added else []
-        radii, encounters = found["physics"], found["separation"]
-        stated = [
-            *ties(show, radii),
-            *kept(show, radii, found["limits"]),
-            separated(show, radii, closest_of(encounters)),
-            *certified(claimed, found["bounds"]),
-            closest_claims(show, encounters),
-            *found["choreography"][0],
-        ]
-        checks += map(_check, stated)
-        if aborts is not None:
-            rows, stated = aborts.checks(found["aborts"])
-            checks += [rows, *map(_check, stated)]
-        checks += join(found["samples"])
-        checks += [check for part in found["missions"] for check in part]
-    elif missions:
-        note = "not looked at: the log is of no script that can be read"
-        checks.append(agreement("VRF410", [note]))
-    if not missions:
-        checks.append(_left_out(log))
+    show = read_show(log)
+    # Missions have the longest part: begun last, it would keep one process alone.
+    rooms = [*_rooms(log, metadata, show, asked, missions=missions)][::-1]
+    parts = [part for work, _ in rooms for part in work]
+    watch.stage("proving", len(parts))
+    results = iter(side_by_side(parts, jobs, watch.advance))
+    found = [done([*islice(results, len(work))]) for work, done in rooms]
+    checks += chain.from_iterable(found[::-1])
     facts = show.rules.name, show.drones, show.duration, anchor
     return Verification(str(log.path), *facts, tuple(checks))
+
+
+def _rooms(
+    log: LogFile,
+    metadata: Mapping[str, str],
+    show: LoggedShow,
+    asked: Show | None,
+    *,
+    missions: bool,
+) -> Iterator[Room]:
+    """Yield all that is looked at, in the order in which it is reported."""
+    demands = Demands(rules=["unknown"])
+    if asked is not None:
+        demands = hold_against(asked, show)
+        yield demands.motions, demands.checks
+        cover = partial(check_cover, log, metadata, show, asked)
+        yield [cover], chain.from_iterable
+    yield [partial(_integrity, log), partial(check_schemas, log)], list
+    lights = None if demands.rules else demands.lights
+    if asked is not None and lights is not None:
+        # Now the legs are known to be those of the script.
+        added = [one for one in ADDITIONS if log.attachment(one) is not None]
+        yield [partial(bound_to, log, added)] * bool(added), list
+        yield _flight(show, demands.claims)
+        if ABORT_NAME in added:
+            aborts = Aborts(log, show, asked)
+            yield aborts.parts(), aborts.checks
+        beside = Missions(log, show, asked, demands) if missions else None
+        tubes = None if beside is None else beside.tubes
+        samples = Samples(log, show, lights, asked, tubes)
+        yield samples.parts(), join
+        yield [] if beside is None else beside.parts(), chain.from_iterable
+    elif missions:
+        note = "not looked at: the log is of no script that can be read"
+        yield [partial(agreement, "VRF410", [note])], list
+    if not missions:
+        yield [partial(_left_out, log)], list
+
+
+def _flight(show: LoggedShow, moves: Sequence[Segment]) -> Room:
+    """Return what the kernel proves; ``moves`` of groups claim bounds of their own."""
+    segments, claimed = show.segments, [*show.segments, *moves]
+    parts: list[Callable[[], Any]] = [
+        *(partial(radius, one, show.rules.vehicle) for one in segments),
+        *(partial(extremes, one, show.rules) for one in segments),
+        *encounter_parts(show),
+        *(partial(excess, show, one) for one in claimed),
+        partial(joined_up, show),
+    ]
+
+    def checks(found: list[Any]) -> Iterator[Check]:
+        rest = iter(found)
+        radii, limits, near = ([*islice(rest, len(segments))] for _ in range(3))
+        stated = (
+            *ties(show, radii),
+            *kept(show, radii, limits),
+            separated(show, radii, closest_of(near)),
+            *certified(claimed, [*islice(rest, len(claimed))]),
+            closest_claims(show, near),
+            *next(rest),
+        )
+        return map(check_of, stated)
+
+    return parts, checks
 
 
 def _left_out(log: LogFile) -> Check:
@@ -150,18 +177,6 @@ def _left_out(log: LogFile) -> Check:
     return checked("VRF400", "unproved", notes=(f"{note} of them",))
 
 
-def _done(
-    work: dict[str, Sequence[Callable[[], Any]]], jobs: int | None, watch: Progress
-) -> dict[str, list[Any]]:
-    """Do all parts of the work; what they found, under the same names."""
-    parts = [part for some in work.values() for part in some]
-    if parts:
-        names = [name for name, some in work.items() if some]
-        watch.stage(f"proving {', '.join(names)}", len(parts))
-    results = iter(side_by_side(parts, jobs, watch.advance))
-    return {name: list(islice(results, len(some))) for name, some in work.items()}
-
-
 def _integrity(log: LogFile) -> Check:
     messages = sum(chunk.time.size for chunk in log.chunks)
     whole = (
@@ -170,13 +185,3 @@ def _integrity(log: LogFile) -> Check:
     )
     size = float(len(log.view))
     return checked("VRF101", "pass", size, unit="bytes", notes=(whole,))
-
-
-def _check(statement: Statement) -> Check:
-    """Turn what the kernel proves into a check."""
-    drones = [drone + 1 for drone in statement.drones]
-    drone = drones[0] if len(drones) == 1 else None
-    pair = (drones[0], drones[1]) if len(drones) == 2 else None
-    where = Place(drone, pair, statement.segment, statement.time)
-    facts = statement.holds, statement.value, statement.limit, statement.unit
-    return checked(statement.code, *facts, where=where, notes=statement.notes)

@@ -13,6 +13,8 @@ from showc.verify.codes import GROUPS, codes
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from showc.verify.kernel.show import Statement
+
 Verdict = Literal["pass", "fail", "unproved", "accepted", "warning", "skipped"]
 """``unproved``: looked at, and only estimated or not known; ``accepted``: the same, and
 the script accepts it; ``skipped``: there is nothing to prove."""
@@ -120,6 +122,16 @@ def checked(
     group = next(one for start, one in GROUPS.items() if code.startswith(start))
     facts = verdict, value, limit, unit, where or Place(), notes
     return Check(code, group, codes()[code].title, *facts)
+
+
+def check_of(statement: Statement) -> Check:
+    """Return what the kernel proves as a check."""
+    drones = [drone + 1 for drone in statement.drones]
+    drone = drones[0] if len(drones) == 1 else None
+    pair = (drones[0], drones[1]) if len(drones) == 2 else None
+    where = Place(drone, pair, statement.segment, statement.time)
+    facts = statement.holds, statement.value, statement.limit, statement.unit
+    return checked(statement.code, *facts, where=where, notes=statement.notes)
 
 
 def agreement(code: str, wrong: Iterable[str]) -> Check:

@@ -22,6 +22,7 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from google.protobuf.message import DecodeError
 
+from showc.documents.values import unlike
 from showc.light.colour import drive_bytes, srgb_bytes
 from showc.log import sample
 from showc.log.scene import fleet_transforms, point_cloud, root_transform, scene_update
@@ -29,7 +30,6 @@ from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORM
 from showc.verify.kernel.bernstein import values
 from showc.verify.kernel.slices import Tracks
 from showc.verify.report import Check, Place, checked
-from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -44,10 +44,8 @@ def told(aborted, place, change):
     with file.reported():
         script = read_anchor(file, dict(file.metadata)["showc"])[1]
         proof = Aborts(file, read_show(file), script)
-    rows, stated = proof.checks([part() for part in proof.parts()])
-    return rows, {rows.code: rows.verdict != "fail"} | {
-        one.code: one.holds for one in stated
-    }
+    found = proof.checks([part() for part in proof.parts()])
+    return found[0], {one.code: one.verdict != "fail" for one in found}
 
 
 def test_every_row_is_proved_from_the_bytes(aborted):

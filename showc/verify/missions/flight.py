@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.documents.values import unlike
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
 from showc.verify.kernel.show import LoggedShow, xyz
 from showc.verify.missions import separation
 from showc.verify.missions.law import CONSTANTS, KNOWN
 from showc.verify.report import Check, Place, agreement, checked
-from showc.verify.specification.compare import unlike
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.documents.values import read_json, unlike
 from showc.files import UnreadableFileError, read_file
 from showc.log import showc_pb2 as pb
 from showc.log.schema import MANIFEST_NAME as MANIFEST
@@ -25,7 +26,6 @@ from showc.verify.missions.legs import Clock, fleet_legs, standing, to_show_fram
 from showc.verify.missions.lights import Lit, unlit
 from showc.verify.missions.separation import Tubes
 from showc.verify.report import Check, Verdict, agreement, checked
-from showc.verify.specification.compare import read_json, unlike
 from showc.verify.specification.cover import object_in, read_manifest
 
 if TYPE_CHECKING:
@@ -292,7 +292,7 @@ def check_plan(
     autopilot.
     """
     try:
-        plan = read_json(content)
+        plan = read_json(content, CAPS["document"])
         fence = plan["geoFence"]["polygons"][0]["polygon"]
     except (ValueError, LookupError, TypeError) as error:
         yield f"is no plan with a fence ({str(error)[:80]})"

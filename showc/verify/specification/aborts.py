@@ -20,20 +20,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from google.protobuf.message import DecodeError
 
+from showc.documents.values import read_json
 from showc.log import showc_pb2 as pb
 from showc.log.schema import ABORT_NAME, WIND_NAME
 from showc.script.fence import inside_polygon
-from showc.verify.decode import read_aborts
+from showc.verify.decode import CAPS, read_aborts
 from showc.verify.kernel.bernstein import elevate, part
 from showc.verify.kernel.choreography import MOMENT, REACHED, joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
 from showc.verify.kernel.show import LoggedShow, PieceTable, Seen, Statement, worst
-from showc.verify.report import Check, agreement
+from showc.verify.report import Check, agreement, check_of
 from showc.verify.samples import flown
-from showc.verify.specification.compare import differences, read_json
-from showc.verify.specification.cover import message_of
+from showc.verify.specification.cover import differences, message_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -75,7 +75,7 @@ def _named(log: LogFile, name: str) -> object:
     with suppress(DecodeError, ValueError, LookupError, TypeError):
         if name == ABORT_NAME:
             return pb.AbortTable.FromString(content).data_sha256
-        return read_json(content)["data_sha256"]
+        return read_json(content, CAPS["document"])["data_sha256"]
     return None
 
 
@@ -101,7 +101,7 @@ class Aborts:
             *encounter_parts(self.show),
         ]
 
-    def checks(self, found: list[Any]) -> tuple[Check, list[Statement]]:
+    def checks(self, found: list[Any]) -> list[Check]:
         """Return what the parts came to."""
         show, many = self.show, len(self.show.segments)
         radii, limits, near = (found[k * many :][:many] for k in range(3))
@@ -111,8 +111,8 @@ class Aborts:
             if abs(said - (0.0 if met is None else met.upper)) > REACHED:
                 wrong.append(f"“{one.message.name}” claims {said:g} m as nearest")
         joined = []
-        every = ((tuple(row.legs), row.duration) for row in self.table.rows)
-        for own, show.rules.duration in dict.fromkeys(every):
+        flights = ((tuple(row.legs), row.duration) for row in self.table.rows)
+        for own, show.rules.duration in dict.fromkeys(flights):
             if legs := tuple(show.segments[leg] for leg in own):
                 joined += joined_up(replace(show, segments=legs))[:-1]
         rows = agreement("VRF351", wrong)
@@ -124,8 +124,8 @@ class Aborts:
             _one("VRF355", joined),
         ]
         clock = worst("VRF356", SLACK, "m/s²", self._beyond())
-        stated = [*(stated if joined else ()), clock]
-        return replace(rows, notes=(note, *rows.notes)), stated
+        every = map(check_of, [*(stated if joined else ()), clock])
+        return [replace(rows, notes=(note, *rows.notes)), *every]
 
     def strange(self) -> Iterator[str]:
         """Say what legs claim beside what the theorems are about: of that, nothing."""

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import re
+from itertools import islice
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from google.protobuf.json_format import MessageToDict
 
+from showc.documents.values import read_json, unlike
 from showc.files import read_file
 from showc.log import facts
 from showc.log import showc_pb2 as pb
 from showc.log.schema import ADDITIONS, LAYOUT_NAME, MANIFEST_NAME, PREDICTED
 from showc.script import read_show
 from showc.verify.decode import CAPS, FORMAT_VERSION
-from showc.verify.report import Check, agreement, checked
-from showc.verify.specification.compare import read_json, unlike
+from showc.verify.report import NAMED, Check, agreement, checked
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -32,6 +34,10 @@ if TYPE_CHECKING:
 
 _NIL: dict[str, Any] = {"autopilot": None, "files": {}, "prediction": {}, "start": None}
 """What a manifest says where there are none; else they are checked by themselves."""
+
+_MORE = 10_000
+"""Bytes beyond twice its own from which a message is not gone into: as text it would
+take a hundred times as many."""
 
 _TEXT = re.compile(".*", re.DOTALL)
 _TOKEN = re.compile("[0-9a-f]{64}")
@@ -103,7 +109,7 @@ def check_cover(
 def read_manifest(log: LogFile) -> dict[str, Any]:
     """Return the manifest inside the log; empty if it is no JSON object."""
     try:
-        manifest = read_json(log.attachment(MANIFEST_NAME) or b"")
+        manifest = read_json(log.attachment(MANIFEST_NAME) or b"", CAPS["document"])
     except ValueError:
         return {}
     return manifest if isinstance(manifest, dict) else {}
@@ -200,6 +206,16 @@ def rules_message(
         ],
         limits=[message_of(pb.Limits, one) for one in limits],
     )
+
+
+def differences(found: Message, wanted: Message) -> tuple[str, ...]:
+    """Return what differs between two messages, at most a few lines."""
+    if found.ByteSize() > 2 * wanted.ByteSize() + _MORE:
+        return (f"{wanted.DESCRIPTOR.name} says far more than is asked for",)
+    ways: dict[str, Any] = {"preserving_proto_field_name": True}
+    ways |= {"always_print_fields_with_no_presence": True}
+    one, other = (MessageToDict(message, **ways) for message in (found, wanted))
+    return tuple(islice(unlike(one, other, wanted.DESCRIPTOR.name), NAMED))
 
 
 def message_of(kind: type[Built], source: object, **given: Any) -> Built:  # noqa: ANN401

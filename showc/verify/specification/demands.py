@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from showc.documents.values import unlike
 from showc.light.keyframes import PARKED, Lit, keyframes_of
 from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
@@ -23,8 +24,7 @@ from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, REACHED
 from showc.verify.report import Check, agreement
 from showc.verify.specification import motion
-from showc.verify.specification.compare import differences, unlike
-from showc.verify.specification.cover import rules_message
+from showc.verify.specification.cover import differences, rules_message
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence

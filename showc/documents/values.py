@@ -1,42 +1,83 @@
-"""Differences of two documents or messages, in words."""
+"""JSON of unknown origin: read within bounds, and compared."""
 
 from __future__ import annotations
 
 import json
 import re
 from contextlib import suppress
-from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from google.protobuf.json_format import MessageToDict
-
-from showc.verify.decode import CAPS
-from showc.verify.report import NAMED
+from showc.errors import DamagedFileError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from google.protobuf.message import Message
+    from collections.abc import Callable, Iterator
 
 TOLERANCE = 1e-9
 """How far two numbers may differ, as a fraction of their size; in lists never less than
 of 1: another library of mathematics may have worked places near zero out [m]."""
 
-_MORE = 10_000
-"""Bytes beyond twice its own from which a message is not gone into: as text it would
-take a hundred times as many."""
+MOST_MEMORY = 1 << 28
+"""What a parsed document may take [bytes]: twice the longest text of one."""
+
+_PER_CONTAINER, _PER_VALUE = 72, 32
+"""What a list and a number in it take at least in memory [bytes]."""
 
 
-def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
-    """Return what a document says that all readers read alike.
+_PER_BYTE = 8
+"""What one byte of a document that is gathered as it is read may take in memory
+[bytes]: numbers in objects with names take five, numbers alone sixteen."""
+
+
+def parse_json(
+    content: bytes,
+    name: str,
+    gathered: Callable[[dict[str, Any]], dict[str, Any]] | None = None,
+) -> Any:  # noqa: ANN401 - any JSON
+    """Parse JSON.
+
+    Parameters
+    ----------
+    content
+        The document.
+    name
+        Of it, for the error.
+    gathered
+        Makes arrays of the long lists of an object as soon as it is read, so that a
+        document never is in memory as objects.
+
+    Raises
+    ------
+    DamagedFileError
+        If it is none, is nested beyond all reason, or would take too much memory.
+    """
+    containers = content.count(b"[") + content.count(b"{")
+    needed = _PER_CONTAINER * containers + _PER_VALUE * content.count(b",")
+    most = MOST_MEMORY
+    if gathered is not None:
+        most = max(most, _PER_BYTE * len(content))
+    if needed > most:
+        raise DamagedFileError(
+            f"{name}: would take {needed >> 20:,} MB of memory as one document; wanted "
+            f"at most {most >> 20:,} MB: one file a drone reads well"
+        )
+    try:
+        return json.loads(content, object_hook=gathered)
+    except RecursionError:
+        raise DamagedFileError(f"{name}: JSON is nested too deeply") from None
+    except ValueError as error:
+        raise DamagedFileError(f"{name}: is no JSON ({error})") from None
+
+
+def read_json(content: bytes, most: int) -> Any:  # noqa: ANN401 - JSON
+    """Return what a document of at most ``most`` bytes says to all readers alike.
 
     Raises
     ------
     ValueError
-        If it is no JSON, holds a number that is none, or one key twice, or is larger
-        than any of showc's.
+        If it is no JSON, holds a number that is none, or one key twice, or has more
+        bytes.
     """
-    if len(content) > CAPS["document"]:
+    if len(content) > most:
         raise ValueError(f"it has {len(content):,} bytes")
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -53,16 +94,6 @@ def read_json(content: bytes) -> Any:  # noqa: ANN401 - JSON
         return json.loads(text, parse_constant=finite, object_pairs_hook=once)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-
-
-def differences(found: Message, wanted: Message) -> tuple[str, ...]:
-    """Return what differs between two messages, at most a few lines."""
-    if found.ByteSize() > 2 * wanted.ByteSize() + _MORE:
-        return (f"{wanted.DESCRIPTOR.name} says far more than is asked for",)
-    ways: dict[str, Any] = {"preserving_proto_field_name": True}
-    ways |= {"always_print_fields_with_no_presence": True}
-    one, other = (MessageToDict(message, **ways) for message in (found, wanted))
-    return tuple(islice(unlike(one, other, wanted.DESCRIPTOR.name), NAMED))
 
 
 def unlike(
