@@ -44,6 +44,9 @@ _STEP = (0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0)
 _AREA = tuple(0.0 if k == 0 else _STEP[k - 1] / k for k in range(9))
 """Its integral from 0."""
 
+_SLOPE, _BEND = 35.0 / 16.0, 7.52
+"""Greatest |S'| and |S''|: 420 u^2 (1 - u)^2 (1 - 2 u) is at most 7.513."""
+
 _DEGREE = 5
 """Of splines through frames: the torque of what follows them is continuous."""
 _SPLINE = np.array(
@@ -138,6 +141,61 @@ class MovingPlaces:
             if not moving:
                 found[1:, side] = 0.0
         return found[:, 0], found[:, 1]
+
+    def greatest_acceleration(self, duration: float) -> float:
+        """Bound the acceleration of any drone in a hold of ``duration`` [s] [m/s²].
+
+        The chain rule gives it from |S'| <= 35/16 and |S''| <= 7.52.
+        A B-spline's derivatives are B-splines of its points' differences, and so within
+        them (de Boor 1978, chapter 10).
+        """
+        off = self.places - self.middle
+        reach = float(np.sqrt((off**2).sum(axis=1)).max(initial=0.0))
+        speed = bend = 0.0
+        for motion, frames in zip(self.motions, self.frames, strict=True):
+            if isinstance(motion, Travel | Morph):
+                steps = np.linalg.norm(frames, axis=2).max(axis=1)
+                spans = duration * np.diff(shares_of(motion, frames))
+                steps, spans = steps[spans > 0.0], spans[spans > 0.0]
+                speed += float((_SLOPE * steps / spans).max())
+                bend += float((_BEND * steps / spans**2).max())
+                reach += float(steps.sum())
+                continue
+            ramp = min(motion.ramp, duration / 2.0)
+            rise, curve = _SLOPE / ramp, _BEND / ramp**2
+            if isinstance(motion, Follow):
+                rate = (len(frames) - 1.0) / (duration - ramp)
+                ways, turns = (np.diff(frames, n=k, axis=0) for k in (1, 2))
+                steps = np.linalg.norm(ways, axis=2).max(axis=1)
+                step, turn = float(steps.max()), np.linalg.norm(turns, axis=2).max()
+                speed += rate * step
+                bend += rate**2 * float(turn) + rise * rate * step
+                reach += float(steps.sum())
+            elif isinstance(motion, Rotate | Breathe):
+                centre = self.middle if motion.about is None else np.array(motion.about)
+                away = float(np.linalg.norm(centre - self.middle))
+                arm = reach + away
+                if isinstance(motion, Rotate):
+                    rate = abs(motion.angle) / (duration - ramp)
+                    bend += 2.0 * rate * speed + (rise * rate + rate**2) * arm
+                    speed += rate * arm
+                    reach = arm + away
+                else:
+                    size, turn = abs(motion.scale - 1.0), tau / motion.period
+                    first = size * (rise + turn / 2.0)
+                    second = size * (curve + rise * turn + turn**2 / 2.0)
+                    largest = max(1.0, motion.scale)
+                    bend = largest * bend + 2.0 * first * speed + second * arm
+                    speed = largest * speed + first * arm
+                    reach = largest * arm + away
+            else:
+                size = motion.amplitude if isinstance(motion, Wave) else motion.radius
+                lag = tau / motion.wavelength
+                turn = tau / motion.period + lag * speed
+                bend += size * (curve + 2.0 * rise * turn + turn**2 + lag * bend)
+                speed += size * (rise + turn)
+                reach += size
+        return bend
 
     def _series(self, duration: float, times: FloatArray, order: int) -> FloatArray:
         """Taylor series of the places, truncated after ``order`` coefficients."""

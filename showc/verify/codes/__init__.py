@@ -10,32 +10,17 @@ from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from showc.codes import Code, read_codes
+from showc.codes import Code, read_codes, read_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-ROOMS = {
-    "container": "The bytes of the log, and the samples in it (VRF1xx)",
-    "script": "What the script asks for (VRF2xx)",
-    "kernel": "The flight (VRF3xx)",
-    "missions": "The missions (VRF4xx)",
-    "foreign": "Shows in other formats (VRF5xx)",
-}
+_TABLES = read_table(__package__ or "", "rooms.toml")
+
+ROOMS: dict[str, str] = _TABLES["rooms"]
 """Files of codes, with the heading of each; theirs are the hundreds, in this order."""
 
-GROUPS = {
-    "VRF10": "integrity",
-    "VRF12": "samples",
-    "VRF2": "script",
-    "VRF30": "physics",
-    "VRF31": "limits",
-    "VRF32": "separation",
-    "VRF33": "choreography",
-    "VRF34": "certificates",
-    "VRF35": "abort table",
-    "VRF4": "missions",
-}
+GROUPS: dict[str, str] = _TABLES["groups"]
 """Heading of the checks of one log, by what their codes begin with."""
 
 

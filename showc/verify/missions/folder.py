@@ -342,10 +342,10 @@ def _is_fence(found: Any, site: Site) -> bool:  # noqa: ANN401 - any JSON
     try:
         kinds = {type(value) for corner in found for value in corner}
         corners = np.array(found, dtype=np.float64)
+        if not kinds <= {int, float} or corners.shape != wanted.shape:
+            return False
+        # A tangent plane has no corner off by its curve within any fence of a show.
+        level = to_show_frame(site, corners[:, 0], corners[:, 1], site.altitude)
     except (TypeError, ValueError, OverflowError):
         return False
-    if not kinds <= {int, float} or corners.shape != wanted.shape:
-        return False
-    # A tangent plane has no corner off by its curve within any fence of a show.
-    level = to_show_frame(site, corners[:, 0], corners[:, 1], site.altitude)
     return bool(np.linalg.norm(level[:, :2] - wanted, axis=1).max() <= CORNER)

@@ -11,23 +11,21 @@ formations are by its generators: where each drone is at any time, with derivati
 **Bound.** Let e be what is logged less what is asked, |e''| <= A. Between two instants
 at a distance of h, |e| is at most the greater of its values there, plus A h^2 / 8 (the
 error of linear interpolation, in the direction of e). A is the greatest second
-difference of the logged polynomials plus a bound on the motion, which the chain rule
-gives from |S'| <= 35/16 and |S''| <= 7.52, S being the step of degree seven with which
-motions set in. So a few instants prove all of them.
+difference of the logged polynomials plus :meth:`MovingPlaces.greatest_acceleration`. So
+a few instants prove all of them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil, tau
+from math import ceil
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.log import showc_pb2 as pb
 from showc.script.lanes import lanes
-from showc.script.moving import MovingPlaces, shares_of
-from showc.script.show import Breathe, Follow, Morph, Rotate, Travel, Wave
+from showc.script.moving import MovingPlaces
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, turn
 from showc.verify.kernel.dynamics import STILL
 from showc.verify.samples import evaluate, flown
@@ -57,63 +55,6 @@ _MOST = 200_000
 """Instants of one motion at which a look gives up."""
 _ROWS, _AT_ONCE = 1_000, 2_000
 """Polynomials, and instants of them, that are looked at together; bounds the memory."""
-_SLOPE, _BEND = 35.0 / 16.0, 7.52
-"""Greatest |S'| and |S''|: 420 u^2 (1 - u)^2 (1 - 2 u) is at most 7.513."""
-
-
-def _restless(one: MovingPlaces, duration: float) -> float:
-    """Bound on the acceleration that a motion asks of any of its drones [m/s²].
-
-    A B-spline's derivatives are B-splines of its points' differences, and so within
-    them (de Boor 1978, chapter 10).
-    """
-    off = one.places - one.middle
-    reach = float(np.sqrt((off**2).sum(axis=1)).max(initial=0.0))
-    speed = bend = 0.0
-    for motion, frames in zip(one.motions, one.frames, strict=True):
-        if isinstance(motion, Travel | Morph):
-            steps = np.linalg.norm(frames, axis=2).max(axis=1)
-            spans = duration * np.diff(shares_of(motion, frames))
-            steps, spans = steps[spans > 0.0], spans[spans > 0.0]
-            speed += float((_SLOPE * steps / spans).max())
-            bend += float((_BEND * steps / spans**2).max())
-            reach += float(steps.sum())
-            continue
-        ramp = min(motion.ramp, duration / 2.0)
-        rise, curve = _SLOPE / ramp, _BEND / ramp**2
-        if isinstance(motion, Follow):
-            rate = (len(frames) - 1.0) / (duration - ramp)
-            ways, turns = (np.diff(frames, n=k, axis=0) for k in (1, 2))
-            steps = np.linalg.norm(ways, axis=2).max(axis=1)
-            step, turn = float(steps.max()), np.linalg.norm(turns, axis=2).max()
-            speed += rate * step
-            bend += rate**2 * float(turn) + rise * rate * step
-            reach += float(steps.sum())
-        elif isinstance(motion, Rotate | Breathe):
-            centre = one.middle if motion.about is None else np.array(motion.about)
-            away = float(np.linalg.norm(centre - one.middle))
-            arm = reach + away
-            if isinstance(motion, Rotate):
-                rate = abs(motion.angle) / (duration - ramp)
-                bend += 2.0 * rate * speed + (rise * rate + rate**2) * arm
-                speed += rate * arm
-                reach = arm + away
-            else:
-                size, turn = abs(motion.scale - 1.0), tau / motion.period
-                first = size * (rise + turn / 2.0)
-                second = size * (curve + rise * turn + turn**2 / 2.0)
-                largest = max(1.0, motion.scale)
-                bend = largest * bend + 2.0 * first * speed + second * arm
-                speed = largest * speed + first * arm
-                reach = largest * arm + away
-        else:
-            size = motion.amplitude if isinstance(motion, Wave) else motion.radius
-            lag = tau / motion.wavelength
-            turn = tau / motion.period + lag * speed
-            bend += size * (curve + 2.0 * rise * turn + turn**2 + lag * bend)
-            speed += size * (rise + turn)
-            reach += size
-    return bend
 
 
 def standing(rows: IntArray, places: FloatArray) -> MovingPlaces:
@@ -139,7 +80,7 @@ def astray(
     far, slip = np.zeros((2, len(segment.goals)))
     for one in parts:
         order, table = np.argsort(one.rows), part.table
-        asked = _restless(one, part.duration) if one.motions else 0.0
+        asked = one.greatest_acceleration(part.duration)
         for some in table.chosen(np.isin(table.owner, one.rows)).parts(_ROWS):
             row = order[np.searchsorted(one.rows, some.drones, sorter=order)]
             # Frames of one place are those of all.
