@@ -205,9 +205,8 @@ def read_aborts(
         and rules.duration / CAPS["samples"] <= table.every < LARGEST
     ):
         raise Damage(offset, "the abort table contradicts itself")
-    flights = (_table(one, offset) for one in table.flights)
-    fleet = range(rules.drones)
-    legs = (_segment(leg, [next(flights) for _ in fleet]) for leg in table.legs)
+    flights = ((one, offset) for one in table.flights)
+    legs = (_segment(leg, [*islice(flights, rules.drones)]) for leg in table.legs)
     return table, tuple(legs)
 
 
@@ -230,7 +229,7 @@ def _flown(
             said = found.segment, found.drone, channels[logged.channel], logged.time
             if said != (index, drone, drone, time):
                 raise Damage(logged.offset, "a trajectory is not in its turn")
-            flights.append(_table(found, logged.offset))
+            flights.append((found, logged.offset))
         if len(flights) < rules.drones:
             raise Damage(0, f"segment {message.name!r} lacks trajectories")
         yield _segment(message, flights)
@@ -238,29 +237,32 @@ def _flown(
         raise Damage(logged.offset, "a trajectory follows those of all segments")
 
 
-def _table(found: pb.Trajectory, offset: int) -> PieceTable:
-    """Return one drone's polynomials; damage if they contradict each other."""
-    pieces = len(found.breaks) - 1
-    parts = (
-        (found.state, found.state_degree + 1, WIDTHS[0]),
-        (found.control, found.control_degree + 1, WIDTHS[1]),
-    )
-    arrays = [np.array(found.breaks)]
-    if 0 < pieces <= CAPS["pieces"] and all(
-        terms <= CAPS["degree"] + 1 and len(numbers) == pieces * terms * components
-        for numbers, terms, components in parts
-    ):
-        arrays += [np.array(some).reshape(pieces, *shape) for some, *shape in parts]
+def _segment(
+    message: pb.Segment, flights: Sequence[tuple[pb.Trajectory, int]]
+) -> Segment:
+    """Join the flights of a segment, each with its offset in the file.
+
+    Damage if one of them contradicts itself.
+    """
+    tables = []
+    for one, offset in flights:
+        breaks, pieces = np.array(one.breaks), len(one.breaks) - 1
+        shapes = (one.state_degree + 1, WIDTHS[0]), (one.control_degree + 1, WIDTHS[1])
+        both = [*zip((one.state, one.control), shapes, strict=True)]
+        if not 0 < pieces <= CAPS["pieces"] or not all(
+            terms <= CAPS["degree"] + 1 and len(some) == pieces * terms * width
+            for some, (terms, width) in both
+        ):
+            raise Damage(offset, "a trajectory contradicts itself")
+        curves = (np.array(some).reshape(pieces, *shape) for some, shape in both)
+        first = np.array([one.drone]), np.array([0, pieces])
+        tables.append(PieceTable(*first, breaks[:-1], breaks[1:], *curves))
+    table = PieceTable.joined(tables)
     # Numbers that are undefined make the comparisons false.
-    small = len(arrays) == 3 and all(np.abs(one).max() < LARGEST for one in arrays)
-    if not (small and np.all(np.diff(arrays[0]) > 0.0)):
-        raise Damage(offset, "a trajectory contradicts itself")
-    breaks, state, control = arrays
-    drones, first = np.array([found.drone]), np.array([0, pieces])
-    return PieceTable(drones, first, breaks[:-1], breaks[1:], state, control)
-
-
-def _segment(message: pb.Segment, flights: Sequence[PieceTable]) -> Segment:
-    """Join the flights of a segment."""
-    goals = np.array(message.goals).reshape(-1, 3)
-    return Segment(message, PieceTable.joined(flights), goals)
+    sound = (table.start > -LARGEST) & (table.start < table.end) & (table.end < LARGEST)
+    for numbers in (table.state, table.control):
+        sound &= np.abs(numbers).max(axis=(1, 2)) < LARGEST
+    if not sound.all():
+        drone = table.owner[sound.argmin()]
+        raise Damage(flights[int(drone)][1], "a trajectory contradicts itself")
+    return Segment(message, table, np.array(message.goals).reshape(-1, 3))
