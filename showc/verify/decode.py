@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 
 Parsed = TypeVar("Parsed", bound=Message)
 
-PROTOBUF = "protobuf"
-"""Encoding of messages and of their types."""
-
 _TYPES: dict[str, type[Message]] = {
     r"/show/rules": pb.Rules,
     r"/show/segments": pb.Segment,
@@ -65,12 +62,12 @@ def check_schemas(log: LogFile) -> Check:
         some = (t for topic, t in _TYPES.items() if re.fullmatch(topic, channel.topic))
         wanted = next(some, None)
         name = "nothing" if wanted is None else wanted.DESCRIPTOR.full_name
-        if wanted is None or schema[1:] != (name, PROTOBUF, descriptor_set(wanted)):
+        if wanted is None or schema[1:] != (name, "protobuf", descriptor_set(wanted)):
             bad.append(
                 f"{channel.topic} has {schema.name}, not {name} as this release of "
                 "showc defines it; verify with the one that compiled the show"
             )
-        if channel.encoding != PROTOBUF or channel.metadata:
+        if channel.encoding != "protobuf" or channel.metadata:
             bad.append(f"{channel.topic}: the channel says more, or another encoding")
     used = {channel.schema for channel in log.channels.values()}
     names = Counter(schema.name for schema in log.schemas.values())

@@ -76,30 +76,18 @@ def verify_log(
     log = open_log(Path(path))
     # What overflows is infinite or undefined, and no check passes with that.
     with log.reported(), np.errstate(all="ignore"):
-        return _proved(log, watch, missions=missions, jobs=jobs, script=script)
-
-
-def _proved(
-    log: LogFile,
-    watch: Progress,
-    *,
-    missions: bool,
-    jobs: int | None,
-    script: Path | None,
-) -> Verification:
-    """Prove what a log says, every byte of which is accounted for."""
-    metadata = dict(log.metadata).get(METADATA_NAME)
-    if metadata is None:
-        raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
-    anchor, asked, checks = read_anchor(log, metadata, script)
-    show = read_show(log)
-    # Missions have the longest part: begun last, it would keep one process alone.
-    rooms = [*_rooms(log, metadata, show, asked, missions=missions)][::-1]
-    parts = [part for work, _ in rooms for part in work]
-    watch.stage("proving", len(parts))
-    results = iter(side_by_side(parts, jobs, watch.advance))
-    found = [done([*islice(results, len(work))]) for work, done in rooms]
-    checks += chain.from_iterable(found[::-1])
+        metadata = dict(log.metadata).get(METADATA_NAME)
+        if metadata is None:
+            raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
+        anchor, asked, checks = read_anchor(log, metadata, script)
+        show = read_show(log)
+        # Missions have the longest part: begun last, it would keep one process alone.
+        rooms = [*_rooms(log, metadata, show, asked, missions=missions)][::-1]
+        parts = [part for work, _ in rooms for part in work]
+        watch.stage("proving", len(parts))
+        results = iter(side_by_side(parts, jobs, watch.advance))
+        found = [done([*islice(results, len(work))]) for work, done in rooms]
+        checks += chain.from_iterable(found[::-1])
     facts = show.rules.name, show.drones, show.duration, anchor
     return Verification(str(log.path), *facts, tuple(checks))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
@@ -28,9 +27,6 @@ the script says that this will do; ``none``: there are no missions."""
 
 NAMED = 5
 """Findings of a kind that are named."""
-
-_MISSIONS = "VRF4"
-"""What codes of checks of missions begin with; all others are of the trajectories."""
 
 _NEAREST = {"VRF321", "VRF411", "VRF412", "VRF413", "VRF504"}
 """Checks whose value is a distance that drones keep: their figure stands for all."""
@@ -194,7 +190,7 @@ class Verification:
         return f"{head}: trajectories {flown}; missions {sent}."
 
     def _of(self, *, missions: bool) -> list[Check]:
-        return [c for c in self.checks if c.code.startswith(_MISSIONS) == missions]
+        return [c for c in self.checks if c.code.startswith("VRF4") == missions]
 
     def check(self, code: str) -> Check:
         """Return the first check of that code; KeyError if there is none."""
@@ -211,9 +207,6 @@ class Verification:
         for name in (*same, "proved", "passed", "exit_code"):
             said[name] = getattr(self, name)
         return {**_plain(said), "checks": [check.to_json() for check in self.checks]}
-
-    def __str__(self) -> str:
-        return json.dumps(self.to_json(), indent=1)
 
 
 def format_number(value: float, digits: int = 6) -> str:

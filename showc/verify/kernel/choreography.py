@@ -155,14 +155,10 @@ def _ground(show: LoggedShow) -> Statement:
         for one in show.rules.formations
         if one.name == first.message.from_formation and one.points
     ]
-    for wrong, note in (
-        (first.message.kind != pb.Segment.LAUNCH, "the first segment is no launch"),
-        (last.message.kind != pb.Segment.LAND, "the last segment is no landing"),
-        (not pads, "the pads are not among the formations"),
-    ):
-        if wrong:
-            return Statement("VRF338", False, notes=(note,))
-
+    kinds = first.message.kind, last.message.kind
+    if kinds != (pb.Segment.LAUNCH, pb.Segment.LAND) or not pads:
+        note = "the show does not begin with a launch from pads, or ends in the air"
+        return Statement("VRF338", False, notes=(note,))
     fleet, own = np.arange(show.drones), np.full((show.drones, 3), np.inf)
     own[: len(pads[0])] = pads[0][: show.drones]
     off = np.linalg.norm(first.ends()[0][:, :3] - own, axis=1)

@@ -123,11 +123,8 @@ TOLERANCES = np.repeat([POSITION, VELOCITY, ANGLE, RATE], 3)
 _Matrices = tuple["FloatArray", "FloatArray"]
 _Scheme = tuple[int, _Matrices, _Matrices, float]
 
-_EVERY = "a bound on every instant, rounding and clipped controls included"
-
 _AT_ONCE = 1_000
 """Mesh intervals taken together: few enough to stay in the processor's cache."""
-
 
 _SIGNS = np.array(
     [[1.0, 1.0, 1.0, 1.0], [0.0, -1.0, 0.0, 1.0], [1.0, 0.0, -1.0, 0.0], [1, -1, 1, -1]]
@@ -168,7 +165,8 @@ def ties(show: LoggedShow, radii: Sequence[FloatArray]) -> list[Statement]:
             for size in [np.linalg.norm(some[:, 3 * kind :][:, :3], order, axis=1)]
         ]
         stated = worst(code, limit * turn, unit, seen)
-        found.append(replace(stated, time=None, notes=(_EVERY,)))
+        note = "a bound on every instant, rounding and clipped controls included"
+        found.append(replace(stated, time=None, notes=(note,)))
     return found
 
 

@@ -58,15 +58,10 @@ def check_flight(
     return [
         ends,
         _check_slots(fleet, reached, logged, script),
-        *_boundaries(fleet, show.rules.site),
+        *boundaries(fleet, show.rules.site),
         *(_apart(code, found, wanted.distance) for code, found in apart.items()),
         _as_claimed(apart, fleet, show, described, logged),
     ]
-
-
-def check_places(fleet: FleetLegs, show: LoggedShow, logged: list[Move]) -> list[Check]:
-    """Prove where missions fly whose autopilot's ways between are not known."""
-    return [visits(fleet, show, logged)[1], *_boundaries(fleet, show.rules.site)]
 
 
 def visits(
@@ -194,7 +189,7 @@ def _check_slots(
     return checked("VRF408", holds, value, 0.0, "s", where=where, notes=(note,))
 
 
-def _boundaries(fleet: FleetLegs, site: Site) -> Iterator[Check]:
+def boundaries(fleet: FleetLegs, site: Site) -> Iterator[Check]:
     """Hold all lines against walls and fence, with what is flown beyond their ends.
 
     Lines keep the fence's margin, from the walls where these are the fence; what is

@@ -20,7 +20,7 @@ from showc.log import showc_pb2 as pb
 from showc.log.schema import MANIFEST_NAME as MANIFEST
 from showc.verify.decode import CAPS
 from showc.verify.missions import language
-from showc.verify.missions.flight import check_flight, check_places, visits
+from showc.verify.missions.flight import boundaries, check_flight, visits
 from showc.verify.missions.law import KNOWN, fastest_level, parameter_file
 from showc.verify.missions.legs import Clock, fleet_legs, standing, to_show_frame
 from showc.verify.missions.lights import Lit, unlit
@@ -239,8 +239,9 @@ class Missions:
         if not self.known:
             said = self.described.get("prediction")
             foretold = unlike(said, {"clock": "relative"}, "prediction")
-            places = check_places(self.fleet, show, moves)
-            return [*places, agreement("VRF414", foretold)]
+            ends = visits(self.fleet, show, moves)[1]
+            walls = boundaries(self.fleet, show.rules.site)
+            return [ends, *walls, agreement("VRF414", foretold)]
         return check_flight(self.fleet, show, self.described, script, moves)
 
 

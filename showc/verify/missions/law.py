@@ -109,8 +109,12 @@ class Profiles:
 
         That is from the latest drone at low to the earliest one at high.
         """
-        late, early = self.law_time(leg, low), self.law_time(leg, high)
-        return self.covered(leg, late - self.spread[leg], early + self.spread[leg])
+        late = self.law_time(leg, low) - self.spread[leg]
+        early = self.law_time(leg, high) + self.spread[leg]
+        (rear, before), (front, after) = (self.share(leg, t) for t in (late, early))
+        # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
+        _, fast = self.share(leg, np.clip(0.5 * self.duration[leg], late, early))
+        return Covered(rear, front, np.minimum(before, after), fast)
 
     def followed(self, late: float | FloatArray) -> FloatArray:
         """Time (n,) [s] since its release at which each leg has surely been flown.
@@ -131,16 +135,11 @@ class Profiles:
         length = np.where(self.length > 0.0, self.length, np.inf)
         return np.asarray(1.0 + self.overshoot / length)
 
-    def covered(self, leg: IntArray, late: FloatArray, early: FloatArray) -> Covered:
-        """Return what is covered of legs ``leg`` (m,) between two times (m,) [s]."""
+    def share(self, leg: IntArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return shares of legs (m,) flown at times (m,) of the law; rates [1/s]."""
         whole = np.where(self.length > 0.0, self.length, 1.0)[leg]
-        # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
-        middle = np.clip(0.5 * self.duration[leg], late, early)
-        times = late, early, middle
-        ways, speeds, _ = np.stack([self.motion(leg, at) / whole for at in times], 1)
-        slow, fast = np.maximum(speeds[:2].min(axis=0), 0.0), np.maximum(speeds[2], 0.0)
-        rear, front, _ = np.clip(ways, 0.0, 1.0)
-        return Covered(rear, front, slow, fast)
+        way, speed, _ = self.motion(leg, time) / whole
+        return np.clip(way, 0.0, 1.0), np.maximum(speed, 0.0)
 
     def motion(self, leg: IntArray, time: ArrayLike) -> FloatArray:
         """Distance, speed, acceleration (3, m) of legs ``leg`` (m,) at ``time`` (m,).

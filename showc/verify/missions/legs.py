@@ -182,7 +182,9 @@ def fleet_legs(
     heights = np.array([row.item.height for row in rows])
     base = np.repeat(heights[homes[:-1]], np.diff(homes))
     heights[homes[:-1]] = 0.0
-    heights = _stored(heights)
+    # As they are stored: whole centimetres, truncated.
+    centimetres = np.trunc(heights.astype(np.float32) * np.float32(100.0))
+    heights = centimetres.astype(np.float64) / 100.0
     places = to_show_frame(site, latitude, longitude, heights + base)
     shrink = np.cos(np.radians(site.latitude))
     scale = law.CONSTANTS["metres_per_degree"]
@@ -266,9 +268,3 @@ def _rows(
             own = tuple(speeds.values()), tuple(slots)
             yield _Row(item, line, release, *own, waits["D"], waits["P"])
             slots, waits["D"] = [], 0.0
-
-
-def _stored(heights: FloatArray) -> FloatArray:
-    """Heights as they are stored: whole centimetres, truncated, shape (n,) [m]."""
-    centimetres = np.trunc(heights.astype(np.float32) * np.float32(100.0))
-    return np.asarray(centimetres.astype(np.float64) / 100.0)
