@@ -84,6 +84,8 @@ class Profiles:
     """Horizontal part of the direction, shape (n,): how late a drone follows."""
     overshoot: FloatArray
     """How far a drone may fly beyond its end, shape (n,) [m]."""
+    excess: FloatArray
+    """Foremost place over the end of each leg, shape (n,), at least 1."""
     spread: FloatArray
     """How much more or less than its delay a drone may be late, shape (n,) [s]."""
     late: FloatArray
@@ -129,16 +131,10 @@ class Profiles:
             since = since + wanted - self.law_time(rows, since)
         return since
 
-    @property
-    def excess(self) -> FloatArray:
-        """Foremost place over the end of each leg, shape (n,), at least 1."""
-        length = np.where(self.length > 0.0, self.length, np.inf)
-        return np.asarray(1.0 + self.overshoot / length)
-
     def share(self, leg: IntArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return shares of legs (m,) flown at times (m,) of the law; rates [1/s]."""
-        whole = np.where(self.length > 0.0, self.length, 1.0)[leg]
-        way, speed, _ = self.motion(leg, time) / whole
+        length = self.length[leg]
+        way, speed, _ = self.motion(leg, time) / np.where(length > 0.0, length, 1.0)
         return np.clip(way, 0.0, 1.0), np.maximum(speed, 0.0)
 
     def motion(self, leg: IntArray, time: ArrayLike) -> FloatArray:
@@ -185,8 +181,9 @@ def profiles(
     cruise = np.where(length > 0.0, speed, 0.0)
     # Fitted to measured flights, as the delay is: 90 and 45 ms of cruise.
     beyond = 0.045 * (1.0 + flat**2) * cruise
+    excess = 1.0 + beyond / np.where(length > 0.0, length, np.inf)
     spread, late = _tubes(cruise, wind)
-    return Profiles(length, speed, edges, phases, flat, beyond, spread, late)
+    return Profiles(length, speed, edges, phases, flat, beyond, excess, spread, late)
 
 
 def _tubes(speed: FloatArray, wind: float) -> tuple[FloatArray, FloatArray]:
