@@ -79,5 +79,5 @@ def test_both_laws_fly_alike(vector, speed, parameters):
     mine = ours.profile(limits, parameters)
     assert theirs.duration[0] == pytest.approx(mine.duration[0], abs=1e-6)
     times = np.linspace(-0.5, mine.duration[0] + 0.5, 101)
-    part = theirs.covered(np.zeros(101, dtype=np.int64), times, times).rear
+    part = theirs.share(np.zeros(101, dtype=np.int64), times)[0]
     np.testing.assert_allclose(part, mine.fraction(times[:, None])[:, 0], atol=1e-6)

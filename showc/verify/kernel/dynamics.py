@@ -199,9 +199,7 @@ def radius(segment: Segment, vehicle: Vehicle) -> FloatArray:
     return found
 
 
-# --- step 1: values in Chebyshev points, and coefficients -----------------------------
-
-
+# Step 1: values in Chebyshev points, and coefficients.
 def _points(degree: int) -> FloatArray:
     """Chebyshev points on [0, 1], ends included, shape (degree + 1,)."""
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree))
@@ -245,9 +243,7 @@ def _scheme(state_degree: int, control_degree: int) -> _Scheme:
     return degree, bases, (once, second @ once), float(gain)
 
 
-# --- step 1: right sides on some mesh intervals ---------------------------------------
-
-
+# Step 1: right sides on some mesh intervals.
 def _rows_last(coefficients: FloatArray) -> FloatArray:
     """Coefficients as (degree + 1, components, rows): sums then run along memory."""
     return np.ascontiguousarray(coefficients.transpose(1, 2, 0))
@@ -341,8 +337,7 @@ def _couplings(vehicle: Vehicle) -> FloatArray:
     return (inertia[[1, 2, 0]] - inertia[[2, 0, 1]]) / inertia
 
 
-# --- step 1: defects ------------------------------------------------------------------
-
+# Step 1: defects.
 _FIRST = [3, 4, 5, 9, 10, 11]
 """What the right sides are integrated to: velocity and rates."""
 _SECOND = [0, 1, 2, 6, 7, 8]
@@ -396,9 +391,7 @@ def _sums(first: IntArray, start: FloatArray, steps: FloatArray) -> FloatArray:
     return found
 
 
-# --- steps 2 to 4 ---------------------------------------------------------------------
-
-
+# Steps 2 to 4.
 def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
     fine = _refined(table, vehicle)
     each = fine.first[:-1]

@@ -155,10 +155,8 @@ def bounds(rules: Rules, limits: Limits) -> list[Bound]:
             ("torques", f"U{axis + 2}", -torque[axis], torque[axis], "N m"),
         ]
     ranges += [("tilt", angle, -tilt, tilt, "rad") for angle in ("roll", "pitch")]
-    ranges += [
-        ("rotor speeds", f"rotor {number} (squared)", 0.0, 1.0, "")
-        for number in (1, 2, 3, 4)
-    ]
+    rotors = (f"rotor {number} (squared)" for number in (1, 2, 3, 4))
+    ranges += [("rotor speeds", rotor, 0.0, 1.0, "") for rotor in rotors]
     found = []
     for family, quantity, least_, greatest, unit in ranges:
         span = greatest - least_ if greatest > least_ else max(abs(greatest), 1.0)

@@ -301,13 +301,12 @@ def check_plan(
     pad, same = mission.home or mission.items[0], language.RULES["plan"]
     home = [pad.latitude / 1e7, pad.longitude / 1e7, pad.height]
     polygon = fence if _is_fence(fence, site) else "the fence of the script"
-    items = [_entry(n, item) for n, item in enumerate(mission.items, 1)]
     wanted = same | {"groundStation": whose[0], "fleetToken": whose[1]}
     wanted["mission"] = same["mission"] | {
         "firmwareType": PX4 if whose[2] == "px4" else ARDUPILOT,
         **dict.fromkeys(("cruiseSpeed", "hoverSpeed"), fastest_level(script)),
         "plannedHomePosition": home,
-        "items": items,
+        "items": [_entry(n, item) for n, item in enumerate(mission.items, 1)],
     }
     polygons = [{"version": 1, "inclusion": True, "polygon": polygon}]
     wanted["geoFence"] = same["geoFence"] | {"polygons": polygons}

@@ -132,7 +132,10 @@ def _item(text: str, first: bool) -> Item:  # noqa: FBT001 - which of two rows
     if word == "T" and not low <= height <= high + 0.002:
         text = f"takes off to {height:g} m; known are {low:g} to {high:g} m"
         raise MissionFormatError(text)
-    if frame == RELATIVE and not _stored(height):
+    # Stored is a height that is 2 mm further from zero than a whole centimetre.
+    centimetres = round(abs(height) * 100.0 - 0.2)
+    stored = 0.01 * centimetres + 0.002 * bool(centimetres)
+    if frame == RELATIVE and not abs(abs(height) - stored) < 1e-6:
         raise MissionFormatError(f"height {height:.3f} m is not a stored one")
     return item
 
@@ -156,10 +159,3 @@ def _word(
         f"{name} in frame {frame} with parameters {numbers} is nothing that showc "
         "writes"
     )
-
-
-def _stored(height: float) -> bool:
-    """Whether a height stands 2 mm further from zero than a whole centimetre."""
-    centimetres = round(abs(height) * 100.0 - 0.2)
-    wanted = 0.01 * centimetres + 0.002 if centimetres else 0.0
-    return abs(abs(height) - wanted) < 1e-6

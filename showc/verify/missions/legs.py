@@ -8,7 +8,6 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from pymap3d import geodetic2enu
 
 from showc.verify.missions import law
 from showc.verify.missions.language import Item, Mission, MissionFormatError
@@ -28,21 +27,43 @@ DAY, HOUR = 86400.0, 3600.0
 UNTIMED = 3
 """Legs of a mission that wait for no clock: take-off, climb, landing."""
 
+_RADIUS, _SQUARED = 6378137.0, 0.0066943799901413165
+"""Of WGS 84: its semi-major axis [m]; the square of its eccentricity."""
+
+
+def earth_centred(
+    latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
+) -> FloatArray:
+    """Earth-centred, earth-fixed coordinates (..., 3) [m] of degrees and metres."""
+    phi, theta = np.radians(latitude), np.radians(longitude)
+    height = np.asarray(altitude, dtype=np.float64)
+    normal = _RADIUS / np.sqrt(1.0 - _SQUARED * np.sin(phi) ** 2)
+    level = (normal + height) * np.cos(phi)
+    up = (normal * (1.0 - _SQUARED) + height) * np.sin(phi)
+    return np.stack([level * np.cos(theta), level * np.sin(theta), up], axis=-1)
+
 
 def to_show_frame(
     site: Site, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
 ) -> FloatArray:
     """Show-frame points (..., 3) [m] of latitudes, longitudes [deg] and altitudes [m].
 
-    To east, north, up of the tangent plane at the site's origin, on WGS 84, and to the
-    show frame, whose +y points along the site's heading, a compass bearing. Exact to
-    rounding, below a micrometre within tens of kilometres.
+    Geodetic to earth-centred (Hofmann-Wellenhof, Lichtenegger, Wasle 2008, GNSS,
+    equation 8.5), to east, north, up of the tangent plane at the site's origin
+    (equation 8.10), to the show frame, whose +y points along the site's heading, a
+    compass bearing. Exact to rounding, below a micrometre within tens of kilometres.
     """
-    origin = site.latitude, site.longitude, site.altitude
-    east, north, up = geodetic2enu(latitude, longitude, altitude, *origin)
-    sine, cosine = np.sin(np.radians(site.heading)), np.cos(np.radians(site.heading))
-    level = cosine * east - sine * north, sine * east + cosine * north
-    return np.stack([*level, up], axis=-1)
+    origin = earth_centred(site.latitude, site.longitude, site.altitude)
+    away = earth_centred(latitude, longitude, altitude) - origin
+    phi, theta = np.radians(site.latitude), np.radians(site.longitude)
+    sine, cosine = np.sin(phi), np.cos(phi)
+    east = np.array([-np.sin(theta), np.cos(theta), 0.0])
+    north = np.array([-sine * np.cos(theta), -sine * np.sin(theta), cosine])
+    up = np.array([cosine * np.cos(theta), cosine * np.sin(theta), sine])
+    bearing = np.radians(site.heading)
+    right = np.cos(bearing) * east - np.sin(bearing) * north
+    ahead = np.sin(bearing) * east + np.cos(bearing) * north
+    return np.asarray(away @ np.stack([right, ahead, up], axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -131,12 +131,9 @@ class Aborts:
         """Say what legs claim beside what the theorems are about: of that, nothing."""
         for number, leg in enumerate(self.table.legs):
             words = f"abort [0-9]+: {pb.Segment.Kind.Name(leg.kind).lower()}"
-            wanted = pb.Segment(
-                index=number,
-                name=leg.name if re.fullmatch(words, leg.name) else words,
-                places=leg.drones,
-                **{key: getattr(leg, key) for key in _FREE},
-            )
+            free = {key: getattr(leg, key) for key in _FREE}
+            wanted = pb.Segment(index=number, places=leg.drones, **free)
+            wanted.name = leg.name if re.fullmatch(words, leg.name) else words
             if leg.certificate.HasField("closest"):
                 said = leg.certificate.closest.distance
                 wanted.certificate.closest.distance = said

@@ -142,8 +142,8 @@ class _Walk:
         self._expect(segment, self.formations[up], self.fleet)
         self._shine(segment, self.dark)
         parts = [[show.transitions[k] for k in chapter] for chapter in chapters(show)]
-        waits = [*(any(one.timed for one in part) for part in parts), False, False]
-        self.grows = iter(waits)
+        timed = [any(one.timed for one in part) for part in parts]
+        self.grows = iter([*timed, False, False])
         self._shine(self._hold("launch", launch.hold), self.lit)
         for part in parts:
             self._chapter(part)
