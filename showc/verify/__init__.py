@@ -3,7 +3,7 @@
 Nothing of the compiler is imported: no planner, no solver, no polynomials of theirs.
 What is taken from the file is proved against the file's own rules: integrity of every
 byte, physics, limits and separation at every instant, choreography, lower bounds on
-time, and the mission files beside it. ``showc/docs/verify.md`` says what is proved and
+time, and the mission files beside it. ``showc/docs/proofs.md`` says what is proved and
 with which error bounds.
 """
 
