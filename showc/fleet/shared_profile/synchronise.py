@@ -36,6 +36,8 @@ _SAMPLE, _TRIED = 100, 24
 _JERKED = 1.02
 """What the bound on jerk leaves out of the cosine of the roll, and the width of its
 enclosure: what the proof finds beyond the straight line's own jerk, as a share."""
+_FRACTIONS = np.linspace(-1.0, 1.0, 9)
+"""Where strain is looked at, of the greatest acceleration along the way."""
 CLOSELY, ROUGHLY = 14, 8
 """Halvings of the time between twice too short and long enough."""
 
@@ -70,55 +72,48 @@ def strain(  # noqa: PLR0917 - vectorised physics names every quantity
     peak = speed / (phase - ramp)
     jerk = peak / (ramp * (1.0 - BLEND))
     snap = jerk / (BLEND * ramp)
-    fraction = np.array([-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0])
+    # Axes first, then fractions, then flights: every operation and every maximum runs
+    # along flights, which lie next to each other.
+    way = np.ascontiguousarray(displacement.T)[:, None]
+    thrust = way * (peak * _FRACTIONS[:, None])
+    thrust[2] += vehicle.gravity
     # u is linear in s'': its derivatives by s'' are the way itself, and zero.
-    way = np.broadcast_to(displacement[:, None, :], (*peak.shape, fraction.size, 3))
-    thrust = way * (peak[:, None] * fraction)[..., None]
-    thrust[..., 2] += vehicle.gravity
-    flat = attitude(thrust, way, np.zeros_like(thrust), heading)
-    velocity = displacement * speed[:, None]
-    use = np.max(
-        np.maximum(
-            velocity / np.asarray(limits.velocity_max),
-            velocity / np.asarray(limits.velocity_min),
-        ),
-        axis=1,
-    )
+    first, second = np.moveaxis(way, 0, -1), np.zeros((1, 1, 3))
+    flat = attitude(np.moveaxis(thrust, 0, -1), first, second, heading)
+    velocity = way[:, 0] * speed
+    most, least = np.asarray(limits.velocity_max), np.asarray(limits.velocity_min)
+    use = np.maximum(velocity / most[:, None], velocity / least[:, None]).max(axis=0)
     use = np.maximum(use, _round_strain(limits, displacement, speed, peak))
     length = np.linalg.norm(displacement, axis=1)
     use = np.maximum(use, _JERKED * length * jerk / (limits.jerk or np.inf))
-    roll = np.abs(flat.roll[0]).max(axis=1)
-    pitch = np.abs(flat.pitch[0]).max(axis=1)
+    roll = np.abs(flat.roll[0]).max(axis=0)
+    pitch = np.abs(flat.pitch[0]).max(axis=0)
     use = np.maximum(use, np.maximum(roll, pitch) / limits.tilt)
-    rate_x = np.abs(flat.roll[1]) * jerk[:, None]
-    rate_y = np.abs(flat.pitch[1]) * jerk[:, None]
-    use = np.maximum(use, rate_x.max(axis=1) / limits.body_rate[0])
-    use = np.maximum(use, rate_y.max(axis=1) / limits.body_rate[1])
-    force = vehicle.mass * flat.acceleration
-    use = np.maximum(use, force.max(axis=1) / limits.thrust_max)
-    use = np.where(force.min(axis=1) < limits.thrust_min, np.inf, use)
+    # A maximum scaled by what no fraction changes is the maximum of the scaled.
+    rate_x = np.abs(flat.roll[1]).max(axis=0) * jerk
+    rate_y = np.abs(flat.pitch[1]).max(axis=0) * jerk
+    use = np.maximum(use, rate_x / limits.body_rate[0])
+    use = np.maximum(use, rate_y / limits.body_rate[1])
+    greatest = vehicle.mass * flat.acceleration.max(axis=0)
+    smallest = vehicle.mass * flat.acceleration.min(axis=0)
+    use = np.maximum(use, greatest / limits.thrust_max)
+    use = np.where(smallest < limits.thrust_min, np.inf, use)
     torques = np.stack(
         [
             vehicle.inertia[axis]
             / vehicle.torque_factor
-            * (
-                np.abs(angle[2]) * jerk[:, None] ** 2 + np.abs(angle[1]) * snap[:, None]
-            ).max(axis=1)
+            * (np.abs(angle[2]) * jerk**2 + np.abs(angle[1]) * snap).max(axis=0)
             for axis, angle in enumerate((flat.roll, flat.pitch))
         ]
-        + [
-            abs(vehicle.inertia[0] - vehicle.inertia[1])
-            * rate_x.max(axis=1)
-            * rate_y.max(axis=1)
-        ],
+        + [abs(vehicle.inertia[0] - vehicle.inertia[1]) * rate_x * rate_y],
         axis=1,
     )
     use = np.maximum(use, (torques / np.asarray(limits.torque_max)).max(axis=1))
     rotors = vehicle.rotor_fractions()
-    most = (torques @ np.abs(rotors[:, 1:]).T).max(axis=1)
+    turning = (torques @ np.abs(rotors[:, 1:]).T).max(axis=1)
     base = rotors[0, 0]
-    use = np.maximum(use, base * force.max(axis=1) + most)
-    return np.where(base * force.min(axis=1) < most, np.inf, use)
+    use = np.maximum(use, base * greatest + turning)
+    return np.where(base * smallest < turning, np.inf, use)
 
 
 def _round_strain(
