@@ -227,17 +227,17 @@ def restrict(
         part up to ``upper``.
     """
     degree = coefficients.shape[1] - 1
-    right = coefficients.copy()
-    for step in range(degree):
-        last = degree - step
-        right[:, :last] = (1.0 - lower) * right[:, :last] + lower * right[
-            :, 1 : last + 1
-        ]
-    inner = (upper - lower) / np.where(lower < 1.0, 1.0 - lower, 1.0)
-    left = right.copy()
-    for step in range(1, degree + 1):
-        left[:, step:] = (1.0 - inner) * left[:, step - 1 : -1] + inner * left[:, step:]
-    return left
+    # Intervals last: they are many, and lie next to each other then.
+    part = coefficients.transpose(1, 2, 0).copy()
+    low, high = lower[:, 0, 0], upper[:, 0, 0]
+    rest = 1.0 - low
+    for last in range(degree, 0, -1):
+        part[:last] = rest * part[:last] + low * part[1 : last + 1]
+    inner = (high - low) / np.where(low < 1.0, rest, 1.0)
+    rest = 1.0 - inner
+    for first in range(1, degree + 1):
+        part[first:] = rest * part[first - 1 : -1] + inner * part[first:]
+    return np.ascontiguousarray(part.transpose(2, 0, 1))
 
 
 def product(one: FloatArray, other: FloatArray) -> FloatArray:
