@@ -13,7 +13,7 @@ from showc.errors import SolveError
 from showc.fleet.execution.cache import Cache, leg_key
 from showc.fleet.execution.checkpoints import Checkpointing
 from showc.fleet.execution.journal import Journal, journals
-from showc.fleet.execution.pool import InProcess, workers
+from showc.fleet.execution.pool import InProcess, Processes, workers
 from showc.fleet.lanes import put_together
 from showc.fleet.leg import check_ends, place, solve_leg
 from showc.fleet.proof import flaw
@@ -22,7 +22,6 @@ from showc.flight import Flight, LegFlight
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from concurrent.futures import Future
     from pathlib import Path
 
     from showc.arrays import FloatArray
@@ -37,6 +36,10 @@ SMALL, LARGE = 128, 500
 legs side by side keep two cores busier than the drones of one do, for most of a leg's
 work is on all of them. Beyond, several crowded legs at once would take too much memory:
 2.8 GiB for two of 1,000 drones that stand as near as they may."""
+_UNDER_WAY = 2
+"""Larger legs that are solved at once. This process does what is to be done of one leg
+as a whole while the processes solve single drones of the other; a third leg would take
+memory, and find no core left."""
 LONE = 8
 """Drones up to which a leg that is missing alone is solved here: starting processes
 takes longer than they would save."""
@@ -49,8 +52,8 @@ def solve_itinerary(
 
     Legs solved before, by this or another compile, come from the cache, and so does
     what an interrupted one had found of a leg. Legs are solved side by side, those of
-    very many drones one after the other, their drones side by side. The result
-    depends on the itinerary and on how to solve it, never on where the work is done.
+    very many drones two at once, their drones side by side. The result depends on the
+    itinerary and on how to solve it, never on where the work is done.
 
     Returns
     -------
@@ -146,15 +149,14 @@ def _solved(
             # Another machine has no business in this one's cache.
             together = [replace(task, parts=None) for task in together]
         found |= _side_by_side(together, cache, pool, progress)
+    if options.cluster is None and isinstance(pool, Processes) and len(tasks) > 1:
+        found |= _overlapping(list(tasks.values()), cache, pool, progress)
+        tasks = {}
     lone = len(missing) == 1 and options.cluster is None
-    # A leg is proved while workers solve the next one.
-    with ThreadPoolExecutor(1) as prover:
-        proofs: dict[str, Future[LegFlight]] = {}
-        for key, task in tasks.items():
-            here = lone and task.leg.drones.size <= LONE
-            flight = task.solve(InProcess() if here else pool, progress)
-            proofs[key] = prover.submit(_kept, cache, key, flight, show)
-        found |= {key: proof.result() for key, proof in proofs.items()}
+    for key, task in tasks.items():
+        here = lone and task.leg.drones.size <= LONE
+        flight = task.solve(InProcess() if here else pool, progress)
+        found[key] = _kept(cache, task, flight)
     flights = tuple(
         replace(found[key], leg=leg)
         for key, leg in zip(keys, itinerary.legs, strict=True)
@@ -222,9 +224,9 @@ def _proved(flight: LegFlight, show: Show) -> LegFlight:
     return flight
 
 
-def _kept(cache: Cache, key: str, flight: LegFlight, show: Show) -> LegFlight:
-    """Prove a flight and put it into the cache."""
-    cache.keep(key, _proved(flight, show))
+def _kept(cache: Cache, task: _Task, flight: LegFlight) -> LegFlight:
+    """Prove the flight of a leg and put it into the cache."""
+    cache.keep(task.key, _proved(flight, task.show))
     return flight
 
 
@@ -293,6 +295,40 @@ def _side_by_side(
         if isinstance(flight, SolveError):
             raise flight
     return found
+
+
+def _overlapping(
+    tasks: Sequence[_Task], cache: Cache, pool: Processes, progress: Progress
+) -> dict[str, LegFlight]:
+    """Solve legs, some at once in threads that share the processes.
+
+    Raises
+    ------
+    SolveError
+        That of the first leg that has no solution.
+    """
+    progress.stage(f"solving {len(tasks)} legs, {_UNDER_WAY} at once", len(tasks))
+    threads = ThreadPoolExecutor(_UNDER_WAY)
+    with journals([task.leg.name for task in tasks], progress) as kept:
+
+        def solve(number: int) -> LegFlight:
+            task, journal = tasks[number], Journal(kept.paths[number])
+            flight = _kept(cache, task, task.solve(pool, journal))
+            kept.close(number)
+            progress.note(f"{task.leg.name}: {flight.duration:.3f} s")
+            progress.advance()
+            return flight
+
+        try:
+            waiting = [threads.submit(solve, number) for number in range(len(tasks))]
+            return {
+                task.key: flight.result()
+                for task, flight in zip(tasks, waiting, strict=True)
+            }
+        finally:
+            # What goes wrong is said at once; a leg under way ends where it next asks
+            # for the processes.
+            threads.shutdown(wait=False, cancel_futures=True)
 
 
 def _starts(flights: Sequence[LegFlight]) -> FloatArray:

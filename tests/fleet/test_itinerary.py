@@ -39,6 +39,28 @@ def test_legs_side_by_side_are_those_solved_alone(monkeypatch):
     assert [flown.leg.index for flown in together.legs] == [0, 1, 2]
 
 
+def test_large_legs_overlap_and_are_those_solved_alone(monkeypatch):
+    legs, listening = make_itinerary(there_and_back()), Listening()
+    alone = solve_itinerary(legs, make_options(jobs=1, use_cache=False), Silent())
+    monkeypatch.setattr(module, "LARGE", 1)
+    overlapping = solve_itinerary(
+        legs, make_options(jobs=2, use_cache=False), listening
+    )
+    assert ("solving 2 legs, 2 at once", 2) in listening.stages
+    for one, other in zip(coefficients(overlapping), coefficients(alone), strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_first_large_leg_without_solution_is_named(monkeypatch):
+    monkeypatch.setattr(module, "LARGE", 1)
+    legs = there_and_back()
+    legs[1] = replace(legs[1], duration=0.5, name="too quick")
+    with pytest.raises(SolveError, match=r"too quick: needs >= \d"):
+        solve_itinerary(
+            make_itinerary(legs), make_options(jobs=2, use_cache=False), Silent()
+        )
+
+
 def test_legs_alike_are_solved_once():
     listening = Listening()
     options = make_options(use_cache=False)

@@ -122,7 +122,7 @@ class Processes:
     """Works in processes of this machine, started when first needed.
 
     A worker that dies takes the others of its pool along; the unfinished tasks are
-    then given to a new pool, a few times.
+    then given to a new pool, a few times. Several threads may share the processes.
     """
 
     def __init__(self, jobs: int) -> None:
@@ -154,7 +154,7 @@ class Processes:
         found: Callable[[int, Any], None] = _pass_over,
     ) -> list[Any]:
         """See :class:`Workers`."""
-        if len(tasks) < 2:
+        if len(tasks) < 2 and not self._prepared:
             return InProcess().run(function, tasks, done, found)
         parts = chunks(tasks)
         first = _firsts(parts)
@@ -162,9 +162,10 @@ class Processes:
         deaths = 0
         while any(result is None for result in results):
             waiting: dict[Future[list[Any]], int] = {}
+            pool = self._pool()
             try:
                 waiting.update(
-                    (self._pool().submit(_several, function, part), index)
+                    (pool.submit(_several, function, part), index)
                     for index, part in enumerate(parts)
                     if results[index] is None
                 )
@@ -178,7 +179,7 @@ class Processes:
                         done(len(values))
             except BrokenProcessPool:
                 deaths += 1
-                self._let_go()
+                self._let_go(pool)
                 if deaths > _DEATHS:
                     raise UsageError(
                         f"worker processes died {deaths} times, perhaps for want of "
@@ -214,9 +215,10 @@ class Processes:
         self._closed = True
         self._let_go()
 
-    def _let_go(self) -> None:
+    def _let_go(self, broken: ProcessPoolExecutor | None = None) -> None:
         with self._starting:
-            if self._executor is not None:
+            # Another thread may have let go what is broken, and started the next.
+            if self._executor is not None and broken in {None, self._executor}:
                 self._executor.shutdown(wait=True, cancel_futures=True)
                 self._executor = None
 
