@@ -70,8 +70,30 @@ def bernstein_basis(degree: int, fraction: ArrayLike) -> FloatArray:
 
 def piece_values(coefficients: FloatArray, fractions: FloatArray) -> FloatArray:
     """Values (K, m, components) of coefficients (K, n + 1, components) at m places."""
-    basis = bernstein_basis(coefficients.shape[1] - 1, fractions)
-    return np.asarray(np.einsum("sj,kjc->ksc", basis, coefficients))
+    return combined(bernstein_basis(coefficients.shape[1] - 1, fractions), coefficients)
+
+
+def combined(matrix: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Combine the coefficients of each interval in the same ways.
+
+    Parameters
+    ----------
+    matrix
+        A row for each combination, shape (m, degree + 1).
+    coefficients
+        Shape (..., degree + 1, components).
+
+    Returns
+    -------
+    ndarray, shape (..., m, components)
+    """
+    *many, size, components = coefficients.shape
+    each = coefficients.reshape(-1, size, components)
+    # Intervals last: they are many, and lie next to each other then.
+    columns = each.transpose(1, 2, 0).reshape(size, -1)
+    found = np.einsum("rk,kx->rx", matrix, columns)
+    parted = found.reshape(len(matrix), components, len(each)).transpose(2, 0, 1)
+    return np.asarray(parted.copy().reshape(*many, len(matrix), components))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,9 +192,7 @@ class PiecewisePolynomial:
         if degree < self.degree:
             raise ValueError(f"degree {self.degree} cannot be lowered to {degree}")
         matrix = elevation_matrix(self.degree, degree)
-        return PiecewisePolynomial(
-            self.breaks, np.einsum("rk,ikc->irc", matrix, self.coefficients)
-        )
+        return PiecewisePolynomial(self.breaks, combined(matrix, self.coefficients))
 
     def shifted(self, offset: float) -> PiecewisePolynomial:
         """Return the same flight ``offset`` [s] later."""

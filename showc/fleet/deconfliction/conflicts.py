@@ -154,8 +154,7 @@ def _candidates(
     """Yield slots and pairs whose boxes come nearer than ``radius``."""
     slots, first, second = [], [], []
     waiting = 0
-    for slot in range(pieces.slots):
-        lower, upper = pieces.boxes(slot)
+    for slot, (lower, upper) in enumerate(zip(*pieces.boxes(), strict=True)):
         centre, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
         if separation.shape == "all-axes":
             a, b = all_pairs(lower.shape[0])
@@ -216,8 +215,12 @@ def _least(  # noqa: PLR0917 - arrays of one loop
             lower[keep],
             fraction[keep],
         )
-        for part in (fraction, np.zeros_like(fraction), np.ones_like(fraction)):
-            value = np.einsum("nk,nkc->nc", bernstein_basis(degree, part), coefficients)
+        basis = bernstein_basis(degree, fraction)
+        for part, value in (
+            (fraction, np.einsum("nk,nkc->nc", basis, coefficients)),
+            (np.zeros_like(fraction), coefficients[:, 0]),
+            (np.ones_like(fraction), coefficients[:, -1]),
+        ):
             distance = _measure(value, separation)
             order = np.lexsort((distance, index))
             head = np.concatenate([[True], np.diff(index[order]) > 0])

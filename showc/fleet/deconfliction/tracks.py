@@ -107,23 +107,17 @@ class Pieces:
     head: IntArray
     """First piece of each drone and slot, shape (count * slots + 1,)."""
 
-    def boxes(self, slot: int) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper corners of what each drone sweeps in ``slot``, (count, 3)."""
-        heads = self.head[slot : -1 : self.slots]
-        tails = self.head[slot + 1 :: self.slots]
-        lower = self.coefficients[heads].min(axis=1)
-        upper = self.coefficients[heads].max(axis=1)
-        more = np.nonzero(tails - heads > 1)[0]
-        while more.size:
-            heads = heads + 1
-            lower[more] = np.minimum(
-                lower[more], self.coefficients[heads[more]].min(axis=1)
-            )
-            upper[more] = np.maximum(
-                upper[more], self.coefficients[heads[more]].max(axis=1)
-            )
-            more = more[tails[more] - heads[more] > 1]
-        return lower, upper
+    def boxes(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper corners of what drones sweep, (slots, count, 3)."""
+        corners = []
+        for extreme in (np.minimum, np.maximum):
+            # One coefficient after the other: of a piece they are few.
+            corner = self.coefficients[:, 0].copy()
+            for index in range(1, self.coefficients.shape[1]):
+                extreme(corner, self.coefficients[:, index], out=corner)
+            swept = extreme.reduceat(corner, self.head[:-1], axis=0)
+            corners.append(swept.reshape(-1, self.slots, 3).transpose(1, 0, 2).copy())
+        return corners[0], corners[1]
 
     def relative(
         self, slot: IntArray, first: IntArray, second: IntArray

@@ -17,6 +17,7 @@ from showc.trajectory import (
     PiecewisePolynomial,
     bernstein_basis,
     bernstein_basis_inverse,
+    combined,
 )
 from showc.vehicle.jerk import greatest_jerk
 
@@ -161,15 +162,13 @@ def fly(
     rates = STATE_DEGREE * np.diff(angles, axis=2) / widths
     torques = (STATE_DEGREE - 1) * np.diff(rates, axis=2) / widths
     state[..., 6:8] = angles
-    state[..., 9:11] = np.einsum("rk,nikc->nirc", _RAISE, rates)
+    state[..., 9:11] = combined(_RAISE, rates)
 
     nodes = _lobatto(CONTROL_DEGREE)
     to_control = bernstein_basis_inverse(CONTROL_DEGREE, tuple(nodes)).T
     wanted = _attitude_at(vehicle, heading, curves, nodes)
     ix, iy, _ = vehicle.inertia
-    turning = np.einsum(
-        "jk,nikc->nijc", bernstein_basis(STATE_DEGREE - 1, nodes), rates
-    )
+    turning = combined(bernstein_basis(STATE_DEGREE - 1, nodes), rates)
     raised = PiecewisePolynomial(flat.breaks, torques.reshape(-1, STATE_DEGREE - 1, 2))
     shape = (drones, pieces, CONTROL_DEGREE + 1, 2)
     about = raised.elevated(CONTROL_DEGREE).coefficients.reshape(shape)
@@ -191,8 +190,7 @@ def _attitude_at(
 ) -> Attitude:
     """Attitude at ``nodes`` of each interval, arrays of shape (n, K, nodes)."""
     thrust, first, second = (
-        np.einsum("jk,nikc->nijc", bernstein_basis(c.shape[2] - 1, nodes), c)
-        for c in curves[2:]
+        combined(bernstein_basis(c.shape[2] - 1, nodes), c) for c in curves[2:]
     )
     thrust[..., 2] += vehicle.gravity
     return attitude(thrust, first, second, heading)
