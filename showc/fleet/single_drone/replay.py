@@ -30,6 +30,8 @@ POINTS, PARTS = 10, 2
 integrated."""
 SWEEPS = 60
 """Greatest number of fixed-point sweeps; the iteration converges factorially."""
+_TOGETHER = 100
+"""Flights that are integrated at once: some 20 MB on 20 intervals each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,9 +81,11 @@ def replay(vehicle: Quadrotor, trajectories: Sequence[Trajectory]) -> ReplayErro
         state, control = trajectory.state, trajectory.control
         key = (state.intervals, state.degree, control.degree)
         shapes.setdefault(key, []).append(index)
-    for indices in shapes.values():
-        group = [trajectories[index] for index in indices]
-        errors[:, indices] = _replay_alike(vehicle, group)
+    for alike in shapes.values():
+        for top in range(0, len(alike), _TOGETHER):
+            indices = alike[top : top + _TOGETHER]
+            group = [trajectories[index] for index in indices]
+            errors[:, indices] = _replay_alike(vehicle, group)
     return ReplayErrors(*errors)
 
 
