@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike
 
     from showc.arrays import FloatArray
@@ -226,6 +228,33 @@ class PiecewisePolynomial:
         """Enclosure of all values: (lower, upper), each of shape (components,)."""
         flat = self.coefficients.reshape(-1, self.components)
         return flat.min(axis=0), flat.max(axis=0)
+
+
+def evaluated(paths: Sequence[PiecewisePolynomial], times: FloatArray) -> FloatArray:
+    """Evaluate many polynomials at the same times, those of equal borders at once.
+
+    Parameters
+    ----------
+    paths
+        Of equally many components.
+    times
+        Shape (...) [s].
+
+    Returns
+    -------
+    ndarray, shape (n, ..., components)
+    """
+    alike: dict[tuple[bytes, int], list[int]] = {}
+    for row, path in enumerate(paths):
+        alike.setdefault((path.breaks.tobytes(), path.degree), []).append(row)
+    components = paths[0].components
+    values = np.empty((len(paths), *times.shape, components))
+    for rows in alike.values():
+        whole = np.concatenate([paths[row].coefficients for row in rows], axis=2)
+        found = PiecewisePolynomial(paths[rows[0]].breaks, whole)(times)
+        each = found.reshape(*times.shape, len(rows), components)
+        values[rows] = np.moveaxis(each, -2, 0)
+    return values
 
 
 def restrict(

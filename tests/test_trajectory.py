@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from showc.trajectory import PiecewisePolynomial, concatenate
+from showc.trajectory import PiecewisePolynomial, combined, concatenate, evaluated
 
 
 @st.composite
@@ -89,3 +89,24 @@ def test_arrays_cannot_be_written():
 def test_breaks_must_fit_and_increase(breaks):
     with pytest.raises(ValueError, match="breaks"):
         PiecewisePolynomial(np.array(breaks), np.zeros((1, 2, 1)))
+
+
+def test_polynomials_evaluated_together_are_those_evaluated_alone():
+    random = np.random.default_rng(3)
+    borders = [np.array([0.0, 1.0, 2.5]), np.array([0.0, 2.5])]
+    paths = [
+        PiecewisePolynomial(breaks, random.normal(size=(breaks.size - 1, size, 3)))
+        for breaks, size in zip(borders * 3, (4, 4, 6, 1, 4, 4), strict=True)
+    ]
+    times = np.linspace(-0.5, 3.0, 12).reshape(3, 4)
+    alone = np.stack([path(times) for path in paths])
+    assert np.array_equal(evaluated(paths, times), alone)
+
+
+@pytest.mark.parametrize("many", [(), (1,), (2, 3)])
+def test_coefficients_are_combined_as_a_matrix_says(many):
+    random = np.random.default_rng(4)
+    matrix, values = random.normal(size=(5, 4)), random.normal(size=(*many, 4, 2))
+    assert np.allclose(
+        combined(matrix, values), matrix @ values, rtol=1e-14, atol=1e-14
+    )

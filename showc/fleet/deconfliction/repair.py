@@ -20,6 +20,7 @@ from showc.fleet.deconfliction.independent import Independent
 from showc.fleet.deconfliction.untangling import untangle, untangle_near
 from showc.fleet.deconfliction.walls import interpolated
 from showc.fleet.single_drone.common_time import OPTIMAL, SPLINE, STRAIGHT
+from showc.trajectory import evaluated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -113,7 +114,7 @@ class Repair:
         """What is first changed together."""
         self.soonest: Untangled | None = None
         """What parts it sooner than any other change, if that takes more time."""
-        self._first: list[FloatArray] = []
+        self._first: FloatArray = np.zeros((0, 0, 0, 3))
         """Positions of the flights in it, each at the nodes."""
         self._stiff = np.ones(len(move.start))
         """How readily each drone is moved aside: less where it did not follow."""
@@ -246,7 +247,7 @@ class Repair:
         if round_ == 0:
             self.crowd = self._crowd(met)
             paths = [one.state.select(slice(0, 3)) for one in self.flights.flown]
-            self._first = [path(self.flights.nodes) for path in paths]
+            self._first = evaluated(paths, self.flights.nodes)
             found = untangle(self.crowd, self._known(), free=self.move.free)
         else:
             wrong = np.concatenate([met.first, met.second, list(astray)])
@@ -341,10 +342,8 @@ class Repair:
         paths = [*(one.select(slice(0, 3)) for one in state), *others]
         speeds = [one.select(slice(3, 6)) for one in state]
         speeds += [one.derivative() for one in others]
-        places = np.stack([one(times) for one in paths])
-        rates = np.stack([one(times) for one in speeds])
-        pulls = np.stack([one.derivative()(times) for one in speeds])
-        jerks = np.stack([one.derivative().derivative()(times) for one in speeds])
+        pulls = [one.derivative() for one in speeds]
+        jerks = [one.derivative() for one in pulls]
         way = move.goal - move.start
         length = np.linalg.norm(way, axis=1)
         ahead = way / np.maximum(length, _STILL)[:, None]
@@ -355,10 +354,10 @@ class Repair:
         supple = np.array([kind != OPTIMAL for kind in flights.kind])
         return Crowd(
             times,
-            places,
-            rates,
-            pulls,
-            jerks,
+            evaluated(paths, times),
+            evaluated(speeds, times),
+            evaluated(pulls, times),
+            evaluated(jerks, times),
             self.duration,
             flights.changes,
             self.separation,
