@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.trajectory import PiecewisePolynomial, restrict
+from showc.trajectory import (
+    PiecewisePolynomial,
+    combined,
+    elevation_matrix,
+    restrict,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -212,10 +217,10 @@ def cut(tracks: Tracks, scale: FloatArray, radius: float) -> Pieces:
             np.tile(lower, drones)[:, None, None],
             np.tile(upper, drones)[:, None, None],
         )
-        merged = PiecewisePolynomial(
-            np.arange(part.shape[0] + 1, dtype=np.float64), part * scale
-        )
-        parts.append(merged.elevated(degree).coefficients)
+        part *= scale
+        if size <= degree:
+            part = combined(elevation_matrix(size - 1, degree), part)
+        parts.append(part)
         drone.append(np.repeat(members, left.size))
         begin.append(np.tile(left, drones))
         end.append(np.tile(right, drones))
