@@ -20,7 +20,7 @@ import numpy as np
 from showc.errors import SolveError
 from showc.fleet.deconfliction.clock import ClosedFlights
 from showc.fleet.deconfliction.crowd import Crossing
-from showc.fleet.deconfliction.enclosure import Detour, detours
+from showc.fleet.deconfliction.enclosure import Detour, detours, displacement
 from showc.fleet.deconfliction.flights import FINE, Move
 from showc.fleet.deconfliction.layered import fly_layered
 from showc.fleet.deconfliction.repair import PRODUCTS, Repair
@@ -28,7 +28,7 @@ from showc.fleet.deconfliction.untangling import quickest
 from showc.fleet.deconfliction.widened import fly_widened
 from showc.fleet.lower_bound.limiting import (
     Limiting,
-    least_time_along,
+    least_time_within,
     limiting_in_motion,
     limiting_time,
 )
@@ -144,7 +144,11 @@ class Search:
         self.shared = None
         if not leg.in_motion:
             self.shared = shared_profile(
-                aircraft.vehicle, leg.limits, aircraft.heading, leg.start, leg.goal
+                aircraft.vehicle,
+                leg.limits,
+                aircraft.heading,
+                np.zeros_like(leg.start),
+                displacement(aircraft, leg.start, leg.goal, self.detours),
             )
         # The flight in closed form; looked for once.
         self._known: ClosedFlights | None = None
@@ -192,9 +196,9 @@ class Search:
             return together, limiting
         best: Found | None = None
         least = limiting.time
-        for way in self.detours.values():
+        if self.detours and self.shared is not None:
             # Ways round corners are nearer to straight flights that cruise as long.
-            least = max(least, way.estimate(self.aircraft))
+            least = max(least, self.shared.duration)
         longest = self._longest(least)
         failed, gap, slower = 0.0, self.options.gap, 0
         while True:
@@ -438,7 +442,7 @@ class Search:
             start, goal = leg.start[row], leg.goal[row]
             assert fence is not None  # noqa: S101 - the line above says so
             length = fence.least_length(start[:2], goal[:2])
-            time = least_time_along(self.aircraft, length)
+            time = least_time_within(self.aircraft, fence, start[:2], goal[:2])
             self.counts["fence_bound"] = max(time, self.counts.get("fence_bound", 0.0))
             if time > limiting.time:
                 limiting = replace(limiting, time=time, drone=row, distance=length)

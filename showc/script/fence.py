@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from showc.arrays import BoolArray, FloatArray
     from showc.script.show import Site
 
@@ -241,31 +243,50 @@ class Fence:
                 return found
         return None
 
-    def least_length(self, start: FloatArray, goal: FloatArray) -> float:
-        """Return a length that no way within the fence falls short of [m].
+    def least_length(
+        self,
+        start: FloatArray,
+        goal: FloatArray,
+        measure: Callable[[FloatArray], FloatArray] | None = None,
+    ) -> float:
+        """Return a length that no way within the fence falls short of.
 
-        That of the shortest way that may touch the fence: with the margin it is longer.
+        Of the rounded room that the margin takes about a corner, it counts a polygon.
 
         Parameters
         ----------
         start, goal
             Shape (2,) [m].
+        measure
+            Lengths (n,) of straight ways (n, 2) [m] by a norm; None: in metres. By any
+            norm, a shortest way turns at reflex corners alone.
         """
-        free, way = Fence(self.corners), None
-        if not free.straight(start, goal[None])[0]:
-            way = free._way(start, goal, 0.0)
+        measure = _metres if measure is None else measure
+        inner = Fence(self.corners, self.margin * float(np.cos(0.5 * _TURN)))
+        way = None
+        if not inner.straight(start, goal[None])[0]:
+            way = inner._way(start, goal, 0.0, measure)
         ends = np.stack([start, goal]) if way is None else way
-        return float(np.linalg.norm(np.diff(ends, axis=0), axis=1).sum())
+        return float(measure(np.diff(ends, axis=0)).sum())
 
     def _way(
-        self, start: FloatArray, goal: FloatArray, spare: float
+        self,
+        start: FloatArray,
+        goal: FloatArray,
+        spare: float,
+        measure: Callable[[FloatArray], FloatArray] | None = None,
     ) -> FloatArray | None:
         nodes, links = self._web(spare)
         if not len(nodes):
             return None
-        # Dijkstra's algorithm, from the start; the goal is the last node.
         last = self._lengths(goal, nodes)
         reached = self._lengths(start, nodes)
+        if measure is not None:
+            apart = measure((nodes - nodes[:, None]).reshape(-1, 2))
+            links = np.where(np.isfinite(links), apart.reshape(links.shape), np.inf)
+            last = np.where(np.isfinite(last), measure(goal - nodes), np.inf)
+            reached = np.where(np.isfinite(reached), measure(nodes - start), np.inf)
+        # Dijkstra's algorithm, from the start; the goal is the last node.
         before = np.full(len(nodes), -1)
         waiting = np.ones(len(nodes), dtype=bool)
         while waiting.any():
@@ -316,6 +337,11 @@ class Fence:
             planes.append(Plane((float(normal[0]), float(normal[1])), level + margin))
             edges = _in_front(edges, normal, level)
         return planes
+
+
+def _metres(ways: FloatArray) -> FloatArray:
+    """Lengths of straight ways (n, 2), shape (n,) [m]."""
+    return np.asarray(np.hypot(ways[:, 0], ways[:, 1]))
 
 
 def _halves(parts: FloatArray) -> tuple[FloatArray, FloatArray]:

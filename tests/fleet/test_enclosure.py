@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from showc.errors import SolveError
 from showc.fleet import solve_leg
 from showc.fleet.deconfliction import bending
-from showc.fleet.deconfliction.enclosure import detour
+from showc.fleet.deconfliction.enclosure import detour, detours
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.proof import flaw
 from showc.fleet.single_drone.model import Aircraft
@@ -21,6 +21,11 @@ from showc.vehicle import PRESETS, Separation
 from showc.vehicle.metric import measure
 
 L = np.array([(-40, -40), (40, -40), (40, 0), (0, 0), (0, 40), (-40, 40)], float)
+U = np.array(
+    [(-40, -30), (40, -30), (40, 40), (12, 40)]
+    + [(12, -5), (-12, -5), (-12, 40), (-40, 40)],
+    float,
+)
 GENTLE = PRESETS["formation-625g"].envelope.within(LIMITS)
 
 
@@ -89,6 +94,59 @@ def test_a_place_too_near_the_fence_is_refused_with_both_distances():
         solve(leg, L, 3.0)
 
 
+def block(columns, rows, x, y):
+    """Places 2.5 m apart about a middle."""
+    return np.array(
+        [
+            (x + 2.5 * (i - (columns - 1) / 2), y + 2.5 * (j - (rows - 1) / 2), 20.0)
+            for j in range(rows)
+            for i in range(columns)
+        ]
+    )
+
+
+def test_a_fleet_passes_a_corner_as_near_as_its_width_allows():
+    """A long column passes it no farther than a single drone, and nearly as soon."""
+    flight = solve(
+        make_leg(block(2, 6, -25.0, 25.0), block(6, 2, 25.0, -25.0), limits=GENTLE),
+        L,
+        1.0,
+    )
+    assert_encloses(flight, L, 1.0)
+    assert flight.certificate.gap < 0.05
+
+
+def test_two_flocks_exchange_the_arms_of_a_fence():
+    """Each flock keeps its order; both are done near the slowest drone's bound."""
+    left = block(2, 3, -26.0, 25.0)
+    right = left * [-1.0, 1.0, 1.0]
+    start, goal = np.concatenate([left, right]), np.concatenate([right, left])
+    flight = solve(make_leg(start, goal, limits=GENTLE), U, 1.0)
+    assert_encloses(flight, U, 1.0)
+    assert flight.certificate.gap < 0.06
+
+
+def test_drones_of_one_flock_stay_to_each_other_as_on_straight_ways():
+    left = block(2, 2, -26.0, 25.0)
+    right = block(2, 2, 26.0, 25.0)
+    start, goal = np.concatenate([left, right]), np.concatenate([right, left])
+    ways = detours(Fence(U, 1.0), Aircraft(make_show(1).vehicle, GENTLE), start, goal)
+    for flock in (range(4), range(4, 8)):
+        middle = np.mean([ways[row].places for row in flock], axis=0)
+        for row in flock:
+            offset = ways[row].places - middle
+            assert np.allclose(offset, offset[0])
+
+
+@pytest.mark.parametrize("fence", [L, U], ids=["L", "U"])
+def test_what_a_lone_drone_needs_within_a_fence_is_bounded_closely(fence):
+    ends = {0: ((-20.0, 38.0), (38.0, -20.0)), 1: ((-28.0, 28.0), (24.0, 28.0))}
+    start, goal = (np.array([(*end, 20.0)]) for end in ends[int(fence is U)])
+    flight = solve(make_leg(start, goal, limits=GENTLE), fence, 1.0)
+    assert_encloses(flight, fence, 1.0)
+    assert 0.0 <= flight.certificate.gap < 0.04
+
+
 @settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_no_way_within_the_fence_is_shorter_than_the_least_length(seed):
@@ -99,6 +157,13 @@ def test_no_way_within_the_fence_is_shorter_than_the_least_length(seed):
     length = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
     least = fence.least_length(start, goal)
     assert np.linalg.norm(goal - start) - 1e-9 <= least <= length + 1e-9
+
+    def greater(ways):
+        return np.abs(ways).max(axis=1)
+
+    least = fence.least_length(start, goal, greater)
+    length = greater(np.diff(way, axis=0)).sum()
+    assert np.abs(goal - start).max() - 1e-9 <= least <= length + 1e-9
 
 
 def test_one_drone_that_must_goes_round_alone_and_its_least_time_knows_the_fence():

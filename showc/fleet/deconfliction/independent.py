@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from showc.fleet.deconfliction.enclosure import displacement
 from showc.fleet.shared_profile.flat import keeps_limits
 from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.shared_profile.synchronise import best_profile
@@ -76,7 +77,8 @@ class Independent:
             profile = shared.stretched(duration)
         else:
             limits = self.aircraft.limits
-            profile, _ = best_profile(vehicle, limits, heading, goal - start, duration)
+            ways = displacement(self.aircraft, start, goal, self.move.detours)
+            profile, _ = best_profile(vehicle, limits, heading, ways, duration)
         self.profile, self.flights.reference = profile, profile.derivatives()[0]
         straight = fly_straight(vehicle, heading, start, goal, profile)
         good = keeps_limits(vehicle, self.aircraft.limits, straight)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from showc.fleet.single_drone.result import Result
     from showc.flight import DualWitness
     from showc.progress import Progress
+    from showc.script.fence import Fence
 
 
 _CANDIDATES = 12
@@ -312,17 +313,40 @@ def _guess(relaxation: Relaxation, displacement: FloatArray) -> float:
     return float((way / velocity + ramp).max())
 
 
-def least_time_along(aircraft: Aircraft, length: float) -> float:
-    """Least time of a way of some length over ground, from rest to rest [s].
+def least_time_within(
+    aircraft: Aircraft, fence: Fence, start: FloatArray, goal: FloatArray
+) -> float:
+    """Time that no way over ground within a fence falls short of, rest to rest [s].
 
-    However it turns, speed along it changes by the level acceleration at most, and
-    stays below the greatest level speed.
+    However a way turns, speed along it changes by the level acceleration at most, and
+    stays below the greatest level speed. So does its share of the greatest speed in its
+    direction, which is a norm of the velocity.
+
+    Parameters
+    ----------
+    start, goal
+        Shape (2,) [m].
     """
     limits, vehicle = aircraft.limits, aircraft.vehicle
-    box = np.maximum(limits.velocity_max, np.abs(limits.velocity_min))
-    speed = min(float(np.hypot(box[0], box[1])), limits.level_speed or np.inf)
+    box = np.maximum(limits.velocity_max, np.abs(limits.velocity_min))[:2]
+    level = limits.level_speed or np.inf
     thrust = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
     pull = min(thrust * np.sin(limits.tilt), limits.acceleration or np.inf)
+
+    def cruised(ways: FloatArray) -> FloatArray:
+        size = np.hypot(ways[:, 0], ways[:, 1])
+        return np.asarray(np.maximum((np.abs(ways) / box).max(axis=1), size / level))
+
+    fastest = min(float(np.hypot(box[0], box[1])), level)
+    slowest = min(float(box.min()), level)
+    return max(
+        _from_rest(fence.least_length(start, goal), fastest, pull),
+        _from_rest(fence.least_length(start, goal, cruised) * slowest, slowest, pull),
+    )
+
+
+def _from_rest(length: float, speed: float, pull: float) -> float:
+    """Least time from rest to rest over a length [m], at a speed [m/s] at most [s]."""
     if length >= speed**2 / pull:
         return float(length / speed + speed / pull)
     return float(2.0 * np.sqrt(length / pull))
