@@ -83,11 +83,11 @@ _WORK, _WORK_EACH, _WORK_EACH_MORE = 600.0, 4.0, 1.0
 """Work after which no shorter time is tried, and how much more for each drone, and for
 each of those beyond ``_MANY``. The unit is a flight behind half-spaces that is solved,
 0.01 to 0.07 s on one core."""
+_WORK_ROUND = 0.5
+"""Share of this work where drones go round corners: a flight between walls of the fence
+takes two to ten times as long to solve."""
 _AT_ONCE, _LEAST_WORK = 0.6, 200.0
 """Share of the work left that any one time may take, and what it may at least."""
-_TOGETHER = 0.9
-"""Share of the time with which a fleet that goes round corners begins, below which none
-is tried: its drones would cut them."""
 _SLOWER = 4
 """Drones at most that prove slower than those that were thought the slowest."""
 _NONE: Mapping[int, PiecewisePolynomial] = MappingProxyType({})
@@ -199,7 +199,7 @@ class Search:
         if self.detours and self.shared is not None:
             # Ways round corners are nearer to straight flights that cruise as long.
             least = max(least, self.shared.duration)
-        longest = self._longest(least)
+        longest = None
         failed, gap, slower = 0.0, self.options.gap, 0
         while True:
             time = whole_milliseconds(least * (1.0 + gap))
@@ -220,13 +220,13 @@ class Search:
                 least = max(least, limiting.time)
                 continue
             failed = time
+            longest = self._longest(least) if longest is None else longest
             if best is None:
                 best = self.surely()
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
             gap = min(self._later(repair, gap, least), longest)
-        floor = max(limiting.time, _TOGETHER * least)
-        return self._narrowed(best, max(failed, floor), floor, limiting), limiting
+        return self._narrowed(best, max(failed, limiting.time), limiting), limiting
 
     def _later(self, repair: Repair, gap: float, least: float) -> float:
         """Share of a least time [s] beyond it that is tried after one that failed.
@@ -261,14 +261,12 @@ class Search:
         near = 0.0 < repair.tangled < _NEARLY or (not repair.tangled and gap > _SMALL)
         return _SLOWLY if near else _GROWTH
 
-    def _narrowed(
-        self, best: Found, failed: float, floor: float, limiting: Limiting
-    ) -> Found:
+    def _narrowed(self, best: Found, failed: float, limiting: Limiting) -> Found:
         """Halve what lies between a time that failed [s] and the best one flown.
 
-        The nearer the best is to the ``floor`` [s], the finer.
+        The nearer the best is to the least time, the finer.
         """
-        step = _STEP
+        step, floor = _STEP, limiting.time
         many = self.leg.drones.size > _MANY
         few = self.leg.drones.size <= _FEW
         part = _CLOSE_OF_FEW if few else _CLOSE_SHARE
@@ -312,6 +310,8 @@ class Search:
         drones = self.leg.drones.size
         allowed = _WORK + _WORK_EACH * min(drones, _MANY)
         allowed += _WORK_EACH_MORE * max(drones - _MANY, 0)
+        if self.detours:
+            allowed *= _WORK_ROUND
         return self.options.effort * allowed - self.work
 
     def at(

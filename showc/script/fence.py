@@ -171,6 +171,11 @@ class Fence:
         """Points about the reflex corners and ways between them, as they are made."""
         return {}
 
+    @cached_property
+    def _inner(self) -> Fence:
+        """The fence, with a margin within polygons about corners that has its room."""
+        return Fence(self.corners, self.margin * float(np.cos(0.5 * _TURN)))
+
     def _web(self, spare: float) -> tuple[FloatArray, FloatArray]:
         """Points about corners with ``spare`` room, (m, 2), ways between, (m, m)."""
         if spare not in self._webs:
@@ -262,12 +267,23 @@ class Fence:
             norm, a shortest way turns at reflex corners alone.
         """
         measure = _metres if measure is None else measure
-        inner = Fence(self.corners, self.margin * float(np.cos(0.5 * _TURN)))
+        ways = np.diff(self._inner.tightest(start, goal, measure), axis=0)
+        return float(measure(ways).sum())
+
+    def tightest(
+        self,
+        start: FloatArray,
+        goal: FloatArray,
+        measure: Callable[[FloatArray], FloatArray],
+    ) -> FloatArray:
+        """Find the shortest way by a norm that may touch the margin, shape (m, 2) [m].
+
+        A straight one where there is none.
+        """
         way = None
-        if not inner.straight(start, goal[None])[0]:
-            way = inner._way(start, goal, 0.0, measure)
-        ends = np.stack([start, goal]) if way is None else way
-        return float(measure(np.diff(ends, axis=0)).sum())
+        if not self.straight(start, goal[None])[0]:
+            way = self._way(start, goal, 0.0, measure)
+        return np.stack([start, goal]) if way is None else way
 
     def _way(
         self,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fleet.handmade import LIMITS, make_leg, make_options, make_show
+from fleet.handmade import LIMITS, Listening, make_leg, make_options, make_show
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -108,7 +108,7 @@ def block(columns, rows, x, y):
 def test_a_fleet_passes_a_corner_as_near_as_its_width_allows():
     """A long column passes it no farther than a single drone, and nearly as soon."""
     flight = solve(
-        make_leg(block(2, 6, -25.0, 25.0), block(6, 2, 25.0, -25.0), limits=GENTLE),
+        make_leg(block(2, 4, -25.0, 25.0), block(4, 2, 25.0, -25.0), limits=GENTLE),
         L,
         1.0,
     )
@@ -118,7 +118,7 @@ def test_a_fleet_passes_a_corner_as_near_as_its_width_allows():
 
 def test_two_flocks_exchange_the_arms_of_a_fence():
     """Each flock keeps its order; both are done near the slowest drone's bound."""
-    left = block(2, 3, -26.0, 25.0)
+    left = block(2, 2, -26.0, 25.0)
     right = left * [-1.0, 1.0, 1.0]
     start, goal = np.concatenate([left, right]), np.concatenate([right, left])
     flight = solve(make_leg(start, goal, limits=GENTLE), U, 1.0)
@@ -188,3 +188,19 @@ def test_where_no_flight_behind_walls_is_found_drones_stop_at_corners(monkeypatc
     assert not flaw(solve(leg, L, 2.0), make_show(1, separation=Separation(1.5)))
     with pytest.raises(SolveError, match="needs >="):
         solve(replace(leg, duration=10.0), L, 2.0)
+
+
+def test_shorter_times_are_tried_down_to_the_bound_about_ways_that_kept_apart():
+    """What is found first is no floor; and no shorter time begins anew."""
+    start, goal = block(3, 2, -25.0, 25.0), block(3, 2, 25.0, -25.0)
+    show = make_show(6, separation=Separation(1.5), fence=L, fence_margin=1.0)
+    heard = Listening()
+    leg = make_leg(start, goal[::-1], limits=GENTLE)
+    flight = solve_leg(leg, show, make_options(), InProcess(), heard)
+    assert_encloses(flight, L, 1.0)
+    assert flight.certificate.gap < 0.05
+    found = [note.split() for note in heard.notes if "over the minimum" in note]
+    tried = [float(words[-2]) for words in found]
+    first = float(found[0][found[0].index("found") + 1])
+    assert min(tried) < 0.95 * first
+    assert flight.certificate.statistics["common_times_tried"] <= 8.0

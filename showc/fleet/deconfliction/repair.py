@@ -168,7 +168,15 @@ class Repair:
         if not detours or self.move.shared is None:
             return True
         for row in detours:
-            self._lead_round(row)
+            known = self.move.bent.get(row)
+            if known is None:
+                self._lead_round(row)
+                continue
+            # A way that kept apart at another pace, all others at theirs.
+            at = flights.nodes
+            places = known(at.ravel() * (known.end / self.duration))
+            places = places.reshape(*at.shape, 3)
+            flights.aim(row, places, interpolated(places, self.duration))
         self._bending.bend([], {}, dict.fromkeys(detours, 0.0))
         for row in sorted(row for row in detours if flights.kind[row] == STRAIGHT):
             halting = detours[row].halting(self.move.aircraft, self.duration)
@@ -318,13 +326,21 @@ class Repair:
         return sorted(left)
 
     def _known(self) -> FloatArray | None:
-        """Return changes that kept all apart at another pace, at the crowd's times."""
-        if not self.move.bent:
+        """Return changes that kept all apart at another pace, at the crowd's times.
+
+        Drones that go round corners follow those ways already.
+        """
+        bent = {
+            row: way
+            for row, way in self.move.bent.items()
+            if row not in self.move.detours
+        }
+        if not bent:
             return None
         times = self._instants()
         flown, others = self.flights.flown, self.flights.others
         known = np.zeros((len(flown) + len(others), times.size, 3))
-        for row, way in self.move.bent.items():
+        for row, way in bent.items():
             alone = flown[row].state.select(slice(0, 3))
             known[row] = way(times * (way.end / self.duration)) - alone(times)
         return known
