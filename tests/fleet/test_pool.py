@@ -117,3 +117,25 @@ def test_who_was_let_go_while_starting_starts_nothing_afterwards():
     assert active_children() == []
     with pytest.raises(RuntimeError, match="for good"):
         crew.run(abs, [(-1,), (-2,)])
+
+
+def test_threads_whose_work_has_not_begun_hear_of_an_end():
+    """What one thread asked for keeps the processes busy; the others wait behind it."""
+    crew = Processes(2)
+
+    def ask():
+        with pytest.raises(RuntimeError, match="for good"):
+            crew.run(time.sleep, [(60.0,)] * 2)
+
+    threads = [threading.Thread(target=ask, daemon=True) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    begun = time.monotonic()
+    while len(active_children()) < 2 and time.monotonic() - begun < 60.0:
+        time.sleep(0.05)
+    crew.stop()
+    crew.close()
+    for thread in threads:
+        thread.join(30.0)
+    assert not any(thread.is_alive() for thread in threads)
+    assert active_children() == []

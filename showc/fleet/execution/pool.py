@@ -185,10 +185,6 @@ class Processes:
                         f"worker processes died {deaths} times, perhaps for want of "
                         "memory; ask for fewer with --jobs"
                     ) from None
-            except BaseException:
-                for future in waiting:
-                    future.cancel()
-                raise
         return [value for result in results if result is not None for value in result]
 
     def _pool(self) -> ProcessPoolExecutor:
@@ -208,6 +204,10 @@ class Processes:
             if self._executor is not None:
                 for process in active_children():
                     process.terminate()
+                # Every thread that waits for a result hears of a broken pool. Of work
+                # that is cancelled it would hear nothing, and wait for good.
+                self._executor.shutdown(wait=True)
+                self._executor = None
 
     def close(self) -> None:
         """Let the processes go; none is started any more."""
