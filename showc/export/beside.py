@@ -55,10 +55,12 @@ from showc.log.additions import digest_of
 from showc.log.reader import read_log
 from showc.log.schema import METADATA_NAME
 from showc.script import read_show
+from showc.script.language.document import Mapping, parse_document
 from showc.verify.report import NAMED, Check, Place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
+    from collections.abc import Mapping as TypingMapping
     from pathlib import Path
 
     from showc.export.solved import SolvedShow
@@ -99,7 +101,12 @@ def verify_beside(log: Path) -> list[Check]:
         metadata = {one.name: one.metadata for one in reader.iter_metadata()}
         attached = {one.name: one.data for one in reader.iter_attachments()}
     name = metadata.get(METADATA_NAME, {}).get("script", "")
-    show = read_show(attached.pop(name, b""), path=name, attached=attached).show
+    script = attached.pop(name, b"")
+    # Its places take longer to work out than the question whether it names any.
+    root, *_ = parse_document(script, name)
+    if not isinstance(root, Mapping) or root.get("exports") is None:
+        return []
+    show = read_show(script, path=name, attached=attached).show
     if show is None or not show.exports:
         return []
     digest = digest_of(log)
@@ -160,7 +167,7 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
     return checks + proved
 
 
-def _unlike(folder: Path, wanted: Mapping[str, bytes]) -> Iterator[str]:
+def _unlike(folder: Path, wanted: TypingMapping[str, bytes]) -> Iterator[str]:
     """Say which files are not those ``wanted``; archives may be packed otherwise."""
     for name, content in wanted.items():
         same = False
@@ -174,7 +181,7 @@ def _unlike(folder: Path, wanted: Mapping[str, bytes]) -> Iterator[str]:
 
 
 def _said(
-    folder: Path, asked: Mapping[str, Any], proved: Sequence[Check]
+    folder: Path, asked: TypingMapping[str, Any], proved: Sequence[Check]
 ) -> Iterator[str]:
     """Say what the manifest of an export has otherwise; figures of proofs aside."""
     path = folder / MANIFEST

@@ -475,6 +475,7 @@ def _one_to_one(
     goals: FloatArray, allowed: FloatArray, error: float = PLACE_ERROR
 ) -> IntArray | None:
     """Find the place of each goal; None unless each has one of its own."""
-    near = np.array([(np.abs(allowed - at) <= error).all(axis=1) for at in goals])
+    axes = np.ascontiguousarray(allowed.T)
+    near = np.array([np.abs(axes - at[:, None]).max(axis=0) <= error for at in goals])
     alone = (near.sum(axis=1) == 1).all() and (near.sum(axis=0) <= 1).all()
     return near.argmax(axis=1) if alone else None
