@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from math import comb
+from math import comb, prod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,9 +90,10 @@ def combined(matrix: FloatArray, coefficients: FloatArray) -> FloatArray:
     ndarray, shape (..., m, components)
     """
     *many, size, components = coefficients.shape
-    each = coefficients.reshape(-1, size, components)
+    # There may be no components: a problem without controls has none.
+    each = coefficients.reshape(prod(many), size, components)
     # Intervals last: they are many, and lie next to each other then.
-    columns = each.transpose(1, 2, 0).reshape(size, -1)
+    columns = each.transpose(1, 2, 0).reshape(size, components * len(each))
     found = np.einsum("rk,kx->rx", matrix, columns)
     parted = found.reshape(len(matrix), components, len(each)).transpose(2, 0, 1)
     return np.asarray(parted.copy().reshape(*many, len(matrix), components))
