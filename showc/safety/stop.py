@@ -325,7 +325,9 @@ class SharedClock:
         before = self.rate
         self.rate_change = 0.0 if before == self._goal else self._change(span)
         self.rate += self.rate_change * span
-        if (before - self._goal) * (self.rate - self._goal) <= 0.0:
+        left = self.rate - self._goal
+        # What is less than 1e-12 is rounding: no period more is flown for it.
+        if (before - self._goal) * left <= 0.0 or abs(left) < 1e-12:
             self.rate = self._goal
         self.time += 0.5 * (before + self.rate) * span
 
