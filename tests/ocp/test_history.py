@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 from benchmarks.ocp_further import alp_rider, two_phase_waypoint
@@ -91,10 +92,24 @@ def test_a_switch_says_which_control_leaves_which_bound(flown):
     assert "T goes from no bound to its lower bound" in words
 
 
-def test_a_violated_path_constraint_is_named(constrained):
+def two_hills():
+    """A way over two narrow hills, each touched between the nodes of coarse meshes."""
+    problem = ocp.Problem("two hills")
+    phase = problem.phase(duration=4.0)
+    height, push = phase.state("height", start=0.1, end=0.1), phase.control("push")
+    phase.derivative(height, push - height)
+    hills = sum(ca.exp(-30.0 * (phase.time - top) ** 2) for top in (1.0, 2.7))
+    phase.constrain(height - hills, 0.0, None, name="terrain")
+    problem.minimise(phase.integral(height**2 + 0.01 * push**2))
+    return problem
+
+
+def test_a_violated_path_constraint_is_named():
+    solution = ocp.solve(two_hills())
+    assert solution.result is ocp.Result.SOLVED
     named = {
         interval.decision.constraint
-        for record in constrained.history
+        for record in solution.history
         for interval in record.phases[0].intervals
         if interval.decision.step is ocp.Step.CONSTRAINED
     }
