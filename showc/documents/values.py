@@ -128,10 +128,12 @@ def unlike(
 
 def _agree(found: Any, wanted: Any, rounding: float, least: float) -> bool:  # noqa: ANN401
     """Whether two values, not both containers, are one but for rounding."""
+    if type(found) is type(wanted) and found == wanted:
+        return True
     if isinstance(wanted, re.Pattern):
         return isinstance(found, str) and wanted.fullmatch(found) is not None
     # True is no 1 here; 1 and 1.0 are one number, and whole ones may be huge.
     if {type(found), type(wanted)} <= {int, float}:
         with suppress(OverflowError):
             return bool(abs(found - wanted) <= rounding * max(least, abs(wanted)))
-    return type(found) is type(wanted) and bool(found == wanted)
+    return False

@@ -130,10 +130,12 @@ class Compared:
         """Look at errors over what is allowed, (fields, n), at times of drones."""
         self.samples += ratio.size
         worst_of = ratio.max(axis=0)
-        self.bad += int(np.sum(ratio > 1.0))
-        if worst_of.max(initial=0.0) > self.value:
-            at = int(np.argmax(worst_of))
-            self.value = float(worst_of[at])
+        worst_of[np.isnan(worst_of)] = np.inf
+        top = float(worst_of.max(initial=0.0))
+        if top > 1.0:
+            self.bad += int(np.sum(~(ratio <= 1.0)))
+        if top > self.value:
+            at, self.value = int(np.argmax(worst_of)), top
             self.where = Place(drone=int(drones[at]) + 1, time=float(times[at]))
 
     def check(self, code: str) -> Check:
@@ -273,7 +275,7 @@ class Samples:
     def _fleet(self, found: Found, points: NDArray[np.void], times: FloatArray) -> None:
         """Compare points (n, drones) of the fleet at times (n,) [s]."""
         numbers, colours = (
-            np.stack([points[name].ravel() for name in names], dtype=np.float64)
+            np.stack([points[name].ravel() for name in names])
             for names in (_NUMBERS, _COLOURS)
         )
         self._compare(found, "VRF122", self._every(times), numbers, colours)
@@ -376,19 +378,18 @@ class Samples:
         (times, drones), encode = where, _ENCODERS[code]
         moments, index = np.unique(times, return_inverse=True)
         ratio = _ratio(values, flown(self.show, moments)[:, index, drones])
-        late = np.flatnonzero(ratio.max(axis=0) > 1.0)
+        late = np.flatnonzero(~(ratio.max(axis=0) <= 1.0))
         for side in (-_SIDE, _SIDE) if late.size else ():
             moved, at = np.unique(times[late] + side, return_inverse=True)
             then = _ratio(values[:, late], flown(self.show, moved)[:, at, drones[late]])
             ratio[:, late] = np.minimum(ratio[:, late], then)
         found[code].see(ratio, times, drones)
-        wanted = np.full(shown.shape, 255.0)
-        wanted[:3] = encode(self.lights.linear(moments))[index, drones].T
         # A byte may be off by one: the rounding of another library's powers.
-        off = np.abs(shown - wanted)
+        off = shown.astype(np.float64)
+        off[:3] -= encode(self.lights.linear(moments))[index, drones].T
         # What hides something is no rounding.
-        off[3:] *= 2.0
-        found["VRF125"].see(np.where(np.isnan(off), np.inf, off), times, drones)
+        off[3:] = 2.0 * (off[3:] - 255.0)
+        found["VRF125"].see(np.abs(off), times, drones)
 
 
 def _bytes(message: ProtobufMessage) -> bytes:
@@ -396,7 +397,7 @@ def _bytes(message: ProtobufMessage) -> bytes:
 
 
 def _ratio(values: FloatArray, flown: FloatArray) -> FloatArray:
-    """Error over what is allowed, shape of ``values``; infinite where undefined.
+    """Error over what is allowed, shape of ``values``.
 
     ``flown`` are states and controls (16, n); ``values`` the same, or (17, n) with a
     quaternion in place of the angles.
@@ -410,6 +411,4 @@ def _ratio(values: FloatArray, flown: FloatArray) -> FloatArray:
     drift = 1e-9 * np.array([fastest, 100.0, fastest, 1e3, 1e3, 1e2])
     fixed = np.repeat(0.5 * _STEPS + drift + 1e-9, [3, 3, 3 + turned, 3, 1, 3])
     allowed = fixed[:, None] + np.abs(expected) * (2.0**-23 + 1e-9)
-    ratio = np.abs(values - expected) / allowed
-    ratio[np.isnan(ratio)] = np.inf
-    return np.asarray(ratio)
+    return np.asarray(np.abs(values - expected) / allowed)

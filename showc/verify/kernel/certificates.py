@@ -209,7 +209,7 @@ def _within_cylinder(
         ]
     best = np.full_like(size, -np.inf)
     for height in heights:
-        z = np.clip(np.nan_to_num(height), *ends)
+        z = np.fmin(np.fmax(height, ends[0]), ends[1])
         a, b = np.minimum(p * z, radius), np.minimum(q * z, radius)
         # The rectangle's corner, cut back to the disc along either side.
         along_a = x * a + y * np.minimum(b, np.sqrt(radius**2 - a**2))

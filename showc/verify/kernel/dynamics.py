@@ -63,7 +63,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -271,54 +270,43 @@ def _truncation(
         some += GAMMA * np.abs(source[:, columns]).max(axis=0)
         parts.append(some)
     angles, thrust = parts
-    best = np.full(state.shape[2], np.inf)
-    for rho in _ELLIPSES:
-        power = rho ** np.arange(max(angles.shape[0], thrust.shape[0]))
-        lean = 0.5 * (power - 1.0 / power)[: angles.shape[0]]
-        imaginary = np.tensordot(lean, angles, axes=1)
-        push = np.tensordot(power[: thrust.shape[0]], thrust[:, 0], axes=1) / mass
-        # Each component of b is a sum of at most two products of three factors.
-        most = 2.0 * push * np.cosh(imaginary).prod(axis=0)
-        best = np.fmin(best, 4.0 * most * rho**-degree / (rho - 1.0))
-    return best
+    rho = np.array(_ELLIPSES)[:, None]
+    power = rho ** np.arange(max(angles.shape[0], thrust.shape[0]))
+    lean = 0.5 * (power - 1.0 / power)[:, : angles.shape[0]]
+    imaginary = np.tensordot(lean, angles, axes=1)
+    push = np.tensordot(power[:, : thrust.shape[0]], thrust[:, 0], axes=1) / mass
+    # Each component of b is a sum of at most two products of three factors.
+    most = 2.0 * push * np.cosh(imaginary).prod(axis=1)
+    bounds = 4.0 * most * rho**-degree / (rho - 1.0)
+    return np.asarray(np.fmin.reduce(bounds, initial=np.inf))
 
 
 def _sides(
     logged: FloatArray, pushed: FloatArray, vehicle: Vehicle, scheme: _Scheme
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray]:
     """Right sides of velocity and rates along the ``logged`` states (SI).
 
     ``pushed`` are the coefficients of the control. Returned are values at the nodes
-    (N + 1, 6, rows), what interpolation and clipping leave out at every instant, and
-    the sum of absolute values of what was added up, each (6, rows).
+    (N + 1, 6, rows), and the sum of absolute values of what was added up, (6, rows).
     """
-    degree, (states, controls), *_ = scheme
+    _, (states, controls), *_ = scheme
     state = np.tensordot(states, logged[:, 6:], axes=1)
     control = np.tensordot(controls, pushed, axes=1)
-    factor = vehicle.torque_factor
-    over = np.array([factor, factor, 1.0]) / xyz(vehicle.inertia)
-    coupling = _couplings(vehicle)
+    turning, coupling = _turning(vehicle), _couplings(vehicle)[:, None]
     value = np.empty((state.shape[0], 6, state.shape[2]))
     thrust = control[:, 0] / vehicle.mass
     value[:, :3] = thrust[:, None] * _direction(state[:, :3])
     value[:, 2] -= vehicle.gravity
-    value[:, 3:] = over[:, None] * control[:, 1:]
     rate = state[:, 3:]
-    value[:, 3:] += coupling[:, None] * rate[:, _ONE] * rate[:, _OTHER]
+    value[:, 3:] = turning * control[:, 1:]
+    value[:, 3:] += coupling * rate[:, _ONE] * rate[:, _OTHER]
 
     most = np.abs(pushed).max(axis=0)
     angles, rates = np.split(np.abs(logged[:, 6:]).max(axis=0), 2)
     size = np.empty((6, state.shape[2]))
     size[:3] = most[0] / vehicle.mass * (1.0 + angles.sum(axis=0)) + vehicle.gravity
-    size[3:] = over[:, None] * most[1:]
-    size[3:] += np.abs(coupling)[:, None] * rates[_ONE] * rates[_OTHER]
-
-    off = np.abs(allocation(vehicle)) @ _excess(pushed, vehicle)
-    error = np.empty((6, state.shape[2]))
-    error[:3] = _truncation(logged, pushed, vehicle.mass, degree)
-    error[:3] += off[0] / vehicle.mass
-    error[3:] = over[:, None] * off[1:]
-    return value, error, size
+    size[3:] = turning * most[1:] + np.abs(coupling) * rates[_ONE] * rates[_OTHER]
+    return value, size
 
 
 def _direction(angles: FloatArray) -> FloatArray:
@@ -329,6 +317,12 @@ def _direction(angles: FloatArray) -> FloatArray:
     level = c_roll * s_pitch
     x, y = level * c_yaw + s_roll * s_yaw, level * s_yaw - s_roll * c_yaw
     return np.stack([x, y, c_roll * c_pitch], axis=1)
+
+
+def _turning(vehicle: Vehicle) -> FloatArray:
+    """Angular accelerations by torques, shape (3, 1): f / Ix, f / Iy and 1 / Iz."""
+    factor = vehicle.torque_factor
+    return np.array([[factor], [factor], [1.0]]) / xyz(vehicle.inertia)[:, None]
 
 
 def _couplings(vehicle: Vehicle) -> FloatArray:
@@ -346,11 +340,16 @@ _ONE, _OTHER = [1, 0, 0], [2, 2, 1]
 """Rates whose products turn the drone about each axis."""
 
 
-def _defects(table: PieceTable, vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-    """Bounds of |y1 - ~y1| and |y2 - ~y2| on each mesh interval, each (6, rows)."""
+def _defects(
+    table: PieceTable, vehicle: Vehicle, error: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Bounds of |y1 - ~y1| and |y2 - ~y2| on each mesh interval, each (6, rows).
+
+    ``error`` (6, rows) is what the right sides leave out.
+    """
     scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
     width, state = table.end - table.start, _rows_last(table.state)
-    value, error, size = _sides(state, _rows_last(table.control), vehicle, scheme)
+    value, size = _sides(state, _rows_last(table.control), vehicle, scheme)
     whole = np.abs(state).max(axis=0)
     _, _, integrals, gain = scheme
     rounding = GAMMA * gain
@@ -384,18 +383,21 @@ def _sums(first: IntArray, start: FloatArray, steps: FloatArray) -> FloatArray:
 
     ``start`` (6, drones) are the first ones, ``steps`` (6, rows) what is added on each.
     """
-    found = np.roll(steps, 1, axis=1)
-    found[:, first[:-1]] = start
-    for begin, end in pairwise(first.tolist()):
-        np.cumsum(found[:, begin:end], axis=1, out=found[:, begin:end])
-    return found
+    count = np.diff(first)
+    owner = np.repeat(np.arange(count.size), count)
+    rank = np.arange(owner.size) - first[owner]
+    # One row for each drone, zeros behind its last interval.
+    table = np.zeros((len(steps), count.size, count.max(initial=0) + 1))
+    table[:, :, 0] = start
+    table[:, owner, rank + 1] = steps
+    return np.asarray(np.cumsum(table, axis=2)[:, owner, rank])
 
 
 # Steps 2 to 4.
 def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
-    fine = _refined(table, vehicle)
-    each = fine.first[:-1]
-    most = [np.maximum.reduceat(one, each, axis=1) for one in _defects(fine, vehicle)]
+    fine, error = _refined(table, vehicle)
+    each, defects = fine.first[:-1], _defects(fine, vehicle, error)
+    most = [np.maximum.reduceat(one, each, axis=1) for one in defects]
     width = fine.end - fine.start
     total = np.add.reduceat(width, each)
     hull = np.abs(fine.state[:, :, 9:]).max(axis=1)
@@ -416,18 +418,24 @@ def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
     return np.where(np.isfinite(found), found, np.inf)
 
 
-def _refined(table: PieceTable, vehicle: Vehicle) -> PieceTable:
-    """Halve intervals on which step 1 would be coarse."""
+def _refined(table: PieceTable, vehicle: Vehicle) -> tuple[PieceTable, FloatArray]:
+    """Halve intervals on which step 1 would be coarse.
+
+    Also returns what interpolation and clipping leave out of the right sides at every
+    instant, shape (6, rows) (SI).
+    """
     degree, *_ = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
-    most = table.start.size + _MORE
-    for _ in range(_HALVINGS):
+    most, halvings = table.start.size + _MORE, 0
+    while True:
         state, control = _rows_last(table.state), _rows_last(table.control)
         rest = _truncation(state, control, vehicle.mass, degree)
-        coarse = ~(rest <= _FINE) | (_excess(control, vehicle).max(axis=0) > _CLIPPED)
-        if not coarse.any() or coarse.size > most:
-            break
-        table = _halved(table, coarse)
-    return table
+        over = _excess(control, vehicle)
+        coarse = ~(rest <= _FINE) | (over.max(axis=0) > _CLIPPED)
+        if not coarse.any() or coarse.size > most or halvings == _HALVINGS:
+            off = np.abs(allocation(vehicle)) @ over
+            thrust = rest + off[:1] / vehicle.mass
+            return table, np.concatenate([*[thrust] * 3, _turning(vehicle) * off[1:]])
+        table, halvings = _halved(table, coarse), halvings + 1
 
 
 def _halved(table: PieceTable, chosen: BoolArray) -> PieceTable:

@@ -133,7 +133,8 @@ class Measure:
         """Distances (...) of differences (..., axes), scaled already."""
         if self.largest:
             return np.asarray(np.abs(difference).max(axis=-1))
-        return np.asarray(np.sqrt(np.sum(difference**2, axis=-1)))
+        square = np.einsum("...k,...k->...", difference, difference)
+        return np.asarray(np.sqrt(square))
 
     def of_chords(self, begin: FloatArray, end: FloatArray) -> FloatArray:
         """Lower bounds (n,) of the distances on the way from ``begin`` to ``end``.

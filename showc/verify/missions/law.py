@@ -133,19 +133,16 @@ class Profiles:
 
     def share(self, leg: IntArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return shares of legs (m,) flown at times (m,) of the law; rates [1/s]."""
-        length = self.length[leg]
-        way, speed, _ = self.motion(leg, time) / np.where(length > 0.0, length, 1.0)
-        return np.clip(way, 0.0, 1.0), np.maximum(speed, 0.0)
-
-    def motion(self, leg: IntArray, time: ArrayLike) -> FloatArray:
-        """Distance, speed, acceleration (3, m) of legs ``leg`` (m,) at ``time`` (m,).
-
-        In SI; at rest before and after the leg.
-        """
-        edges = self.edges[leg]
-        t = np.clip(np.asarray(time, dtype=np.float64), 0.0, edges[:, -1])
+        way, rate = np.where(time > 0.0, 1.0, 0.0), np.zeros(time.size)
+        # Many drones rest, before their legs or after them.
+        flies = np.flatnonzero((time > 0.0) & (time < self.duration[leg]))
+        own, t = leg[flies], time[flies]
+        edges = self.edges[own]
         phase = np.count_nonzero(t[:, None] >= edges[:, 1:-1], axis=1)
-        return _advanced(self.phases[leg, phase].T, t - edges[np.arange(t.size), phase])
+        since = t - edges[np.arange(t.size), phase]
+        flown, speed, _ = _advanced(self.phases[own, phase].T, since) / self.length[own]
+        way[flies], rate[flies] = np.clip(flown, 0.0, 1.0), np.maximum(speed, 0.0)
+        return way, rate
 
 
 def profiles(

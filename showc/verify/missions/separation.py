@@ -309,7 +309,7 @@ class Tubes:
     def outside(self, times: FloatArray, drawn: FloatArray) -> FloatArray:
         """How far off each drone is ``drawn`` (3, m, n) [m], over what is allowed.
 
-        ``times`` (m,) [s]; the result (m, n), infinite where undefined.
+        ``times`` (m,) [s]; the result (m, n), no number where undefined.
         """
         fleet, table = self._fleet, self._fleet.profiles
         place = drawn.reshape(3, -1).T
@@ -324,21 +324,16 @@ class Tubes:
         # Beyond its end a drone swings for longer than it counts for the separation.
         front = covered.front * table.excess[leg]
         begin, along = fleet.begin[leg], (fleet.end - fleet.begin)[leg]
-        rear, front = covered.rear[:, None] * along, front[:, None] * along
-
-        def away(one: FloatArray, other: FloatArray) -> FloatArray:
-            return _LENGTH.of_chords(one - place, other - place)
-
-        off = away(begin + rear, begin + front)
+        rear, front = (begin + part[:, None] * along for part in (covered.rear, front))
         # At any time on its climb before timed legs, on its descent after them.
-        climbs = away(fleet.begin[first], fleet.begin[first + 2])
-        lands = away(fleet.begin[last], fleet.end[last]) - table.overshoot[leg]
-        lands = np.minimum(lands, off)
+        rows = np.flatnonzero(count == 0)
+        rear[rows], front[rows] = fleet.begin[first[rows]], fleet.begin[first[rows] + 2]
+        off = _LENGTH.of_chords(rear - place, front - place)
         over = (count > last - first - UNTIMED) & (since > self._followed[leg])
-        off = np.where(count == 0, climbs, np.where(over, lands, off))
+        rows = np.flatnonzero(over)
+        ends = (some[last[rows]] - place[rows] for some in (fleet.begin, fleet.end))
+        lands = _LENGTH.of_chords(*ends) - table.overshoot[leg[rows]]
+        off[rows] = np.minimum(lands, off[rows])
         speed = covered.fast * table.length[leg]
         allowed = CONSTANTS["beside"] + CONSTANTS["beside_fast"] * speed
-        share = off / allowed
-        # Whatever is no number on the drawn side must not pass for a small gap.
-        share = np.where(np.isnan(share), np.inf, share)
-        return np.asarray(share.reshape(times.size, fleet.drones))
+        return np.asarray((off / allowed).reshape(times.size, fleet.drones))
