@@ -352,7 +352,8 @@ class _Solver:
             "dual_bounds": float(limiting.bounds),
             **self._airframe_bound(limiting.drone, limiting.time),
         }
-        if time is None:
+        if time is None and search.counts.get("fence_bound", 0.0) < limiting.time:
+            # Pairs are bounded on straight ways: the fence tells more where it binds.
             statistics |= self._passing(duration, limiting.time)
         certificate = Certificate(
             duration,

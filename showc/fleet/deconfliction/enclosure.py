@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -97,16 +98,7 @@ class Detour:
 
     def profiles(self, aircraft: Aircraft) -> list[Profile]:
         """Return the quickest profile of each piece, from hover to hover."""
-        return [
-            shared_profile(
-                aircraft.vehicle,
-                aircraft.limits,
-                aircraft.heading,
-                start[None],
-                goal[None],
-            )
-            for start, goal in zip(self.places[:-1], self.places[1:], strict=True)
-        ]
+        return [_quickest(aircraft, *way) for way in np.diff(self.places, axis=0)]
 
     def halting_time(self, aircraft: Aircraft) -> float:
         """Return the least time with a stop at every corner [s]."""
@@ -130,6 +122,15 @@ class Detour:
             control.append(flight.control.shifted(clock))
             clock = float(state[-1].end)
         return Trajectory(concatenate(state), concatenate(control))
+
+
+@lru_cache(maxsize=4096)
+def _quickest(aircraft: Aircraft, x: float, y: float, z: float) -> Profile:
+    """Find the quickest profile of a straight way [m], kept: stops are tried again."""
+    way = np.array([[x, y, z]])
+    return shared_profile(
+        aircraft.vehicle, aircraft.limits, aircraft.heading, np.zeros_like(way), way
+    )
 
 
 def displacement(

@@ -35,6 +35,9 @@ WALL_DEGREE = DEGREE + 1
 """Of walls that move with a flight: positions, and one more."""
 _MARGIN = 0.995
 """Part of a limit that a program may use: the flight bends between its points."""
+_SPEED = 1.0 - 1e-7
+"""Part of a velocity limit that it may use: polynomials keep it exactly, and the solver
+keeps rows to 1e-8."""
 _PRICE = 30.0
 """Linear price of what is lacking behind a wall: an exact penalty (Nocedal and Wright
 2006, section 17.2)."""
@@ -165,7 +168,7 @@ class Program:
                 (1.0, limits.velocity_max[axis]),
                 (-1.0, -limits.velocity_min[axis]),
             ):
-                rows.add_axis(axis, sign * velocity, bound)
+                rows.add_axis(axis, sign * velocity, _SPEED * bound)
         self._attitude_rows(rows, aim)
         self._rate_rows(rows, aim)
         self._round_rows(rows, aim)
