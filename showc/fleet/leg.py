@@ -353,7 +353,6 @@ class _Solver:
             **self._airframe_bound(limiting.drone, limiting.time),
         }
         if time is None and search.counts.get("fence_bound", 0.0) < limiting.time:
-            # Pairs are bounded on straight ways: the fence tells more where it binds.
             statistics |= self._passing(duration, limiting.time)
         certificate = Certificate(
             duration,
@@ -369,7 +368,7 @@ class _Solver:
     def _passing(self, duration: float, least: float) -> dict[str, float]:
         """Bound a time [s] by pairs that pass each other, where that tells more.
 
-        The planner's own bound: its proof is not kept.
+        Its proof is not kept. A fence that binds tells more than these straight ways.
         """
         leg = self.leg
         apart = duration < (1.0 + _WORTH) * least or self.separation.shape == "all-axes"
