@@ -123,19 +123,22 @@ class Program:
         ends[: count // 2], ends[count // 2 :] = start, goal
         self.given = np.where(fixed, ends, 0.0).T.ravel()
         self.start, self.goal = start, goal
+        self.pitch = np.zeros((intervals, 4))
+        self.roll = np.zeros((intervals, 4))
         at = (self.breaks[:-1, None] + NODES * np.diff(self.breaks)[:, None]).ravel()
         wanted = followed(reference, start, goal, at)
         linear = self.given.reshape(3, count) @ self.basis.gram
         linear = linear + (self.basis.weights @ wanted).T
+        heading = float(np.arctan2(*(goal - start)[1::-1]))
+        self.bearing = np.full((intervals, 4), heading)
+        self.course = np.full((intervals, 4), heading)
+        self.change = np.zeros((intervals, 3, 3))
         self._linear = linear.ravel()[self.free]
         size = self._linear.size + walls.interval.size
         self._quadratic = Columns.of(
             *quadratic_upper(intervals, duration, leaps=self.leaps), (size, size)
         )
         self._counted: BoolArray | None = None
-        nearest = nearest_coefficients(intervals, duration, leaps=self.leaps)
-        self._nearest = self._whole(nearest @ -self._linear)
-        self.relinearise(self._positions(self._nearest))
 
     def relinearise(self, position: FloatArray) -> None:
         """Take pitch and roll at each coefficient from an iterate, (K, 6, 3) [m]."""
@@ -309,7 +312,11 @@ class Program:
         """
         rows, hard = self._rows(aim)
         system = System.of(rows, self.free, self.given, hard, WALL_DEGREE + 1)
-        chosen = system.reached(self._nearest) > _NEAR * system.bounds
+        nearest = nearest_coefficients(
+            self.intervals, float(self.breaks[-1]), leaps=self.leaps
+        )
+        found = self._whole(nearest @ -self._linear)
+        chosen = system.reached(found) > _NEAR * system.bounds
         chosen |= (system.bounds <= 0.0) | ~system.hard
         if self._counted is not None:
             chosen |= self._counted
@@ -323,12 +330,8 @@ class Program:
             chosen |= (system.reached(found) > _NEARLY * system.bounds) & system.hard
         # What counts for this iterate will count for the next one.
         self._counted = chosen
-        return self._positions(found)
-
-    def _positions(self, coefficients: FloatArray) -> FloatArray:
-        """Positions as Bernstein coefficients (K, 6, 3) [m] of those of a spline."""
         count = self.intervals + DEGREE
-        local = coefficients.reshape(3, count)[
+        local = found.reshape(3, count)[
             :, np.arange(self.intervals)[:, None] + np.arange(LOCAL)
         ]
         position: FloatArray = np.einsum("kin,akn->kia", self.basis.position, local)
