@@ -63,6 +63,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -383,14 +384,11 @@ def _sums(first: IntArray, start: FloatArray, steps: FloatArray) -> FloatArray:
 
     ``start`` (6, drones) are the first ones, ``steps`` (6, rows) what is added on each.
     """
-    count = np.diff(first)
-    owner = np.repeat(np.arange(count.size), count)
-    rank = np.arange(owner.size) - first[owner]
-    # One row for each drone, zeros behind its last interval.
-    table = np.zeros((len(steps), count.size, count.max(initial=0) + 1))
-    table[:, :, 0] = start
-    table[:, owner, rank + 1] = steps
-    return np.asarray(np.cumsum(table, axis=2)[:, owner, rank])
+    found = np.roll(steps, 1, axis=1)
+    found[:, first[:-1]] = start
+    for begin, end in pairwise(first.tolist()):
+        np.cumsum(found[:, begin:end], axis=1, out=found[:, begin:end])
+    return found
 
 
 # Steps 2 to 4.
