@@ -11,10 +11,19 @@ from hypothesis import strategies as st
 from showc.errors import SolveError
 from showc.fleet import solve_leg
 from showc.fleet.deconfliction import bending
-from showc.fleet.deconfliction.enclosure import detour, detours
+from showc.fleet.deconfliction.enclosure import (
+    detour,
+    detours,
+    displacement,
+    fence_walls,
+)
+from showc.fleet.deconfliction.walls import NODES, gathered
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.proof import flaw
+from showc.fleet.shared_profile.flat import use_of_limits
+from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.model import Aircraft
+from showc.fleet.single_drone.spline import follow_spline
 from showc.progress import Silent
 from showc.script.fence import Fence
 from showc.vehicle import PRESETS, Separation
@@ -136,6 +145,28 @@ def test_drones_of_one_flock_stay_to_each_other_as_on_straight_ways():
         for row in flock:
             offset = ways[row].places - middle
             assert np.allclose(offset, offset[0])
+
+
+@pytest.mark.parametrize("duration", [19.2, 19.3])
+@pytest.mark.parametrize("row", [3, 6])
+def test_a_spline_as_fast_as_it_may_be_is_not_lost_to_rounding(row, duration):
+    """Its solver keeps rows to a tolerance: a limit used in full is passed by that."""
+    aircraft, fence = Aircraft(make_show(1).vehicle, GENTLE), Fence(U, 1.0)
+    left = block(2, 2, -26.0, 25.0)
+    right = block(2, 2, 26.0, 25.0)
+    start, goal = np.concatenate([left, right]), np.concatenate([right, left])
+    ways = detours(fence, aircraft, start, goal)
+    cruises = displacement(aircraft, start, goal, ways)
+    ends = np.zeros_like(start), cruises
+    profile = shared_profile(aircraft.vehicle, GENTLE, aircraft.heading, *ends)
+    way = ways[row].reference(aircraft, profile.stretched(duration), 72)
+    nodes = duration / 72 * (np.arange(72)[:, None] + NODES)
+    places = way(nodes.ravel()).reshape(72, -1, 3)
+    walls = gathered([fence_walls(fence, places, 0.0)])
+    found = follow_spline(aircraft, start[row], goal[row], way, 72, walls)
+    assert found is not None
+    fastest = use_of_limits(aircraft.vehicle, GENTLE, found.flight).velocity
+    assert 0.9999 < fastest <= 1.0
 
 
 @pytest.mark.parametrize("fence", [L, U], ids=["L", "U"])

@@ -1,5 +1,6 @@
 """The enclosure of what is flown, against other integrators and spoilt logs."""
 
+import tracemalloc
 from dataclasses import replace
 from itertools import pairwise
 
@@ -198,6 +199,22 @@ def test_rough_flights_of_many_intervals_are_not_cut_without_end():
     state, first = np.zeros((many, 1, 12)), np.array([0, many])
     table = PieceTable(np.array([0]), first, times[:-1], times[1:], state, control)
     assert many < _refined(table, VEHICLE)[0].start.size <= 4 * many
+
+
+def test_a_long_window_beside_thousands_of_short_ones_takes_no_more_memory():
+    """Each interval in which a drone hovers is a window; all others are one."""
+    many = 4_000
+    times = np.linspace(0.0, 1.0, 2 * many + 1)
+    state, control = np.zeros((2 * many, 2, 12)), np.zeros((2 * many, 1, 4))
+    state[many:, 1, 0] = 1e-3
+    columns = times[:-1], times[1:], state, control
+    table = PieceTable(np.array([0]), np.array([0, 2 * many]), *columns)
+    segment = Segment(pb.Segment(), table, np.zeros((1, 3)))
+    tracemalloc.start()
+    radius(segment, VEHICLE)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 200e6
 
 
 @settings(max_examples=10, deadline=None)
