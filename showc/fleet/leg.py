@@ -352,7 +352,7 @@ class _Solver:
             "dual_bounds": float(limiting.bounds),
             **self._airframe_bound(limiting.drone, limiting.time),
         }
-        if time is None and search.counts.get("fence_bound", 0.0) < limiting.time:
+        if time is None:
             statistics |= self._passing(duration, limiting.time)
         certificate = Certificate(
             duration,
@@ -368,7 +368,7 @@ class _Solver:
     def _passing(self, duration: float, least: float) -> dict[str, float]:
         """Bound a time [s] by pairs that pass each other, where that tells more.
 
-        Its proof is not kept. A fence that binds tells more than these straight ways.
+        The planner's own bound: its proof is not kept.
         """
         leg = self.leg
         apart = duration < (1.0 + _WORTH) * least or self.separation.shape == "all-axes"
