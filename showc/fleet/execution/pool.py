@@ -185,14 +185,21 @@ class Processes:
                         f"worker processes died {deaths} times, perhaps for want of "
                         "memory; ask for fewer with --jobs"
                     ) from None
+            except RuntimeError:
+                # Between taking the pool and asking it, another thread may end it.
+                self._raise_if_closed()
+                raise
         return [value for result in results if result is not None for value in result]
+
+    def _raise_if_closed(self) -> None:
+        if self._closed:
+            raise RuntimeError("the processes have been let go for good") from None
 
     def _pool(self) -> ProcessPoolExecutor:
         # A first submission waits until the server of the processes has imported what
         # they need; ``prepare`` lets a thread wait for it.
         with self._starting:
-            if self._closed:
-                raise RuntimeError("the processes have been let go for good")
+            self._raise_if_closed()
             if self._executor is None:
                 self._executor = _started(self._jobs)
             return self._executor
