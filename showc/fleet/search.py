@@ -21,9 +21,9 @@ from showc.errors import SolveError
 from showc.fleet.deconfliction.clock import ClosedFlights
 from showc.fleet.deconfliction.crowd import Crossing
 from showc.fleet.deconfliction.enclosure import Detour, detours, displacement
-from showc.fleet.deconfliction.flights import FINE, Move
+from showc.fleet.deconfliction.flights import FINE, PRODUCTS, Move
 from showc.fleet.deconfliction.layered import fly_layered
-from showc.fleet.deconfliction.repair import PRODUCTS, Repair
+from showc.fleet.deconfliction.repair import Repair
 from showc.fleet.deconfliction.untangling import quickest
 from showc.fleet.deconfliction.widened import fly_widened
 from showc.fleet.lower_bound.limiting import (
@@ -241,7 +241,7 @@ class Search:
             return self._growth(repair, gap) * gap
         found = repair.soonest
         if found is None:
-            found = quickest(repair.crowd)
+            (found,) = self.workers.run(quickest, [(repair.crowd,)], _unheard)
             self.work += found.work / PRODUCTS
         self.ways = repair.ways(found)
         return max(found.duration / least - 1.0, gap + _SOON)

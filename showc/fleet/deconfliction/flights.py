@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from showc.arrays import FloatArray, IntArray
+    from showc.fleet.deconfliction.changes import Untangled
     from showc.fleet.deconfliction.conflicts import Encounters
     from showc.fleet.deconfliction.enclosure import Detour
     from showc.fleet.execution.pool import Workers
@@ -38,6 +40,8 @@ _INTERVAL = 0.15
 FINE, _FINEST = 200, 36
 """Drones below which changes have as many intervals as splines, and how many these are
 at most: a change that turns quickly takes short ones."""
+PRODUCTS = 5e8
+"""Products of numbers in an untangling that take as long as one flight's solve."""
 _FEWEST, _MOST = 10, 36
 """Half the number of a spline's intervals."""
 
@@ -117,6 +121,16 @@ class Work:
         found: list[Outcome] = self.workers.run(function, tasks, heard)
         self.count(name, len(tasks))
         self.done += len(tasks)
+        return found
+
+    def untangle(
+        self, function: Callable[..., Untangled], *task: object, **options: object
+    ) -> Untangled:
+        """Let a worker change a crowd: other legs' threads go on beside it."""
+        found: Untangled
+        (found,) = self.workers.run(partial(function, **options), [task], _unheard)
+        self.count("untangled")
+        self.done += found.work / PRODUCTS
         return found
 
 

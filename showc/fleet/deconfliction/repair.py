@@ -58,8 +58,6 @@ _SOON = 0.003
 _NOT_AT_ALL, _FEW_DRONES = 10.0, 30
 """How far from parted a crowd counts whose flights did not follow their changes, and
 one of few drones: with these another time costs little."""
-PRODUCTS = 5e8
-"""Products of numbers in an untangling that take as long as one flight's solve."""
 _LEFT = 0.5
 """Share of the distance lacking that the first flights may leave: else time is too
 short."""
@@ -256,12 +254,12 @@ class Repair:
             self.crowd = self._crowd(met)
             paths = [one.state.select(slice(0, 3)) for one in self.flights.flown]
             self._first = evaluated(paths, self.flights.nodes)
-            found = untangle(self.crowd, self._known(), free=self.move.free)
+            known, free = self._known(), self.move.free
+            found = self.made.untangle(untangle, self.crowd, known, free=free)
         else:
             wrong = np.concatenate([met.first, met.second, list(astray)])
-            found = untangle_near(self._crowd(met), np.unique(wrong.astype(np.int64)))
-        self.made.count("untangled")
-        self.made.done += found.work / PRODUCTS
+            rows = np.unique(wrong.astype(np.int64))
+            found = self.made.untangle(untangle_near, self._crowd(met), rows)
         flights, count = self.flights, len(self.flights.flown)
         many = sorted(each * count + more for each, more in _TANGLED)[1]
         few = count <= _FEW_DRONES

@@ -42,9 +42,9 @@ _SLOWER = (1.1, 1.3)
 _WRONG = 1.0
 """How much more time what is wrong with an outcome is thought to take, over its share
 of the drones."""
-_NEARLY, _HARDLY = 0.1, 3.0
-"""Wrong for each drone, and at most, at which another search would not pay: what little
-is lacking is made good in flight."""
+_NEARLY, _HARDLY, _OF_MANY = 0.1, 3.0, 0.03
+"""Wrong for each drone, at most, and for each drone of a great crowd, at which another
+search would not pay: what little is lacking is made good in flight."""
 
 
 def untangle(
@@ -71,7 +71,8 @@ def untangle(
     """
     best, work = None, 0.0
     free = free and known is None
-    enough = min(_NEARLY * crowd.places.shape[0], _HARDLY)
+    drones = crowd.places.shape[0]
+    enough = max(min(_NEARLY * drones, _HARDLY), _OF_MANY * drones)
     for search in _searches(crowd, known, anew=anew, free=free):
         found = search.run()
         work += found.work
