@@ -139,6 +139,8 @@ class Program:
             *quadratic_upper(intervals, duration, leaps=self.leaps), (size, size)
         )
         self._counted: BoolArray | None = None
+        nearest = nearest_coefficients(intervals, duration, leaps=self.leaps)
+        self._nearest = self._whole(nearest @ -self._linear)
 
     def relinearise(self, position: FloatArray) -> None:
         """Take pitch and roll at each coefficient from an iterate, (K, 6, 3) [m]."""
@@ -312,11 +314,7 @@ class Program:
         """
         rows, hard = self._rows(aim)
         system = System.of(rows, self.free, self.given, hard, WALL_DEGREE + 1)
-        nearest = nearest_coefficients(
-            self.intervals, float(self.breaks[-1]), leaps=self.leaps
-        )
-        found = self._whole(nearest @ -self._linear)
-        chosen = system.reached(found) > _NEAR * system.bounds
+        chosen = system.reached(self._nearest) > _NEAR * system.bounds
         chosen |= (system.bounds <= 0.0) | ~system.hard
         if self._counted is not None:
             chosen |= self._counted
@@ -330,8 +328,16 @@ class Program:
             chosen |= (system.reached(found) > _NEARLY * system.bounds) & system.hard
         # What counts for this iterate will count for the next one.
         self._counted = chosen
+        return self._positions(found)
+
+    def nearest(self) -> FloatArray:
+        """Positions (K, 6, 3) [m] of the spline nearest the way, beyond all limits."""
+        return self._positions(self._nearest)
+
+    def _positions(self, coefficients: FloatArray) -> FloatArray:
+        """Bernstein coefficients (K, 6, 3) [m] of a spline's coefficients (3 n,)."""
         count = self.intervals + DEGREE
-        local = found.reshape(3, count)[
+        local = coefficients.reshape(3, count)[
             :, np.arange(self.intervals)[:, None] + np.arange(LOCAL)
         ]
         position: FloatArray = np.einsum("kin,akn->kia", self.basis.position, local)

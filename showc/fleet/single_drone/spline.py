@@ -72,7 +72,20 @@ def follow_spline(  # noqa: PLR0917 - tasks of workers are tuples
         None if no such flight was found; otherwise all limits are kept at every
         instant, proved on Bernstein coefficients.
     """
-    program = Program(aircraft, start, goal, reference, intervals, walls)
+    for about_way in (True, False):
+        # About the way the first program is nearly the last. Where the way has corners
+        # that no flight takes, level flight is a better beginning.
+        program = Program(aircraft, start, goal, reference, intervals, walls)
+        if about_way:
+            program.relinearise(program.nearest())
+        found = _iterated(aircraft, program)
+        if found is not None:
+            return found
+    return None
+
+
+def _iterated(aircraft: Aircraft, program: Program) -> SplineFlight | None:
+    """Solve programs about one iterate after the other, until one keeps all limits."""
     aim = Aim()
     for count in range(_ITERATIONS):
         position = program.solve(aim)
