@@ -121,7 +121,8 @@ class Allowed:
             Of roll, then of pitch: the share (...), how it changes with accelerations
             and how with jerks, each (..., 3).
         """
-        left = self.left
+        left, (x, y, z) = self.left, self.left
+        across_left = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
         force = pulls + np.array([0.0, 0.0, self.gravity])
         square = np.einsum("...a,...a->...", force, force)[..., None]
         square += (_LEAST_LIFT * self.gravity) ** 2
@@ -129,7 +130,7 @@ class Allowed:
         level = force - aside * left
         across = np.sqrt(square - aside * aside)
         along = np.einsum("...a,...a->...", jerks, force)[..., None]
-        turned = np.cross(left, force)
+        turned = force @ across_left
         parts = (
             (
                 along * aside - jerk_aside * square,
@@ -140,7 +141,7 @@ class Allowed:
             ),
             (
                 np.einsum("...a,...a->...", jerks, turned)[..., None],
-                np.cross(jerks, left),
+                -(jerks @ across_left),
                 turned,
                 across * across,
                 2.0 * level,
