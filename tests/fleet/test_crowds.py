@@ -17,6 +17,7 @@ from showc.fleet.deconfliction.layered import fly_layered
 from showc.fleet.deconfliction.layers import layers
 from showc.fleet.deconfliction.repair import Repair
 from showc.fleet.deconfliction.tracks import tracks_of
+from showc.fleet.deconfliction.untangling import untangle
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.leg import aircraft_of
 from showc.fleet.proof import flaw
@@ -106,7 +107,7 @@ def test_where_all_are_in_the_way_time_comes_down_and_the_search_ends(
     assert down <= any("over the minimum; trying" in note for note in heard.notes)
 
 
-def search(leg, options=None, separation=None):
+def search(leg, options=None, separation=None, workers=None):
     show = make_show(leg.drones.size, separation=separation)
     return Search(
         leg,
@@ -114,9 +115,24 @@ def search(leg, options=None, separation=None):
         aircraft_of(show, leg),
         Room(show.separation, None),
         options or make_options(),
-        InProcess(),
+        workers or InProcess(),
         Listening(),
     )
+
+
+def test_workers_change_the_ways_of_crowds():
+    asked = []
+
+    class Recording(InProcess):
+        def run(self, function, *task):
+            asked.append(getattr(function, "func", function))
+            return super().run(function, *task)
+
+    start = np.array([[0.0, 0.0, 20.0], [6.0, -6.0, 20.0]])
+    goal = np.array([[12.0, 0.0, 20.0], [6.0, 6.0, 20.0]])
+    repair = search(make_leg(start, goal, limits=WIDE), workers=Recording()).at(4.0)
+    assert repair.done
+    assert untangle in asked
 
 
 @pytest.mark.parametrize("effort", [1, 3])

@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fleet.handmade import LIMITS, VEHICLE
 from fleet.test_untangling import INTERVALS, crowd_of, flown
 
-from showc.fleet.deconfliction.crowd import Planes, sampled
+from showc.fleet.deconfliction.crowd import Allowed, Planes, sampled
 from showc.fleet.deconfliction.elastic import Elastic
+from showc.fleet.single_drone.model import Aircraft
 from showc.vehicle import Separation
 from showc.vehicle.metric import measure
 
@@ -110,3 +112,15 @@ def test_ways_that_are_known_are_kept_to():
     gaps = [places[first] - places[second] for places in (before, after)]
     # Every pair passes on the side that it did.
     assert np.einsum("pma,pma->pm", *gaps).min() > 0.0
+
+
+def test_no_rate_passes_its_share_of_accelerations_and_jerks():
+    draw = np.random.default_rng(5)
+    pulls = draw.normal(0.0, 4.0, (500, 40, 3))
+    jerks = draw.normal(0.0, 20.0, (500, 40, 3))
+    for heading in (0.0, 0.7):
+        allowed = Allowed.of(Aircraft(VEHICLE, LIMITS, heading=heading))
+        most = allowed.turning(pulls, jerks)
+        shares = [np.abs(share) for share, _, _ in allowed.turned(pulls, jerks)]
+        assert np.all(np.max(shares, axis=0) <= most * (1.0 + 1e-12))
+        assert np.max(shares[1] / most) > 0.99

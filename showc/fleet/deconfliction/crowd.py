@@ -106,6 +106,17 @@ class Allowed:
             (roll, pitch),
         )
 
+    def turning(self, pulls: FloatArray, jerks: FloatArray) -> FloatArray:
+        """Shares (...) of the lesser of these rates that no rate of theirs passes.
+
+        Roll's is at most |j| / |f|, pitch's at most |j| / |l x f|, which is less.
+        """
+        force = pulls + np.array([0.0, 0.0, self.gravity])
+        across = np.einsum("...a,...a->...", force, force)
+        across += (_LEAST_LIFT * self.gravity) ** 2 - (force @ self.left) ** 2
+        square = np.einsum("...a,...a->...", jerks, jerks) / across
+        return np.asarray(np.sqrt(square) / min(self.rates))
+
     def turned(
         self, pulls: FloatArray, jerks: FloatArray
     ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:

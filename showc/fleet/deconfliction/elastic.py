@@ -369,26 +369,31 @@ class Elastic:
         for order, (normal, bound, level, size) in enumerate(self.limits):
             part, toward = self._part(flown, order), self._part(slope, order)
             lack = np.maximum(0.0, bound - part @ normal.T)
-            cost += price * float((lack * lack).sum())
-            toward -= 2.0 * price * (lack @ normal)
+            if lack.any():
+                cost += price * float((lack * lack).sum())
+                toward -= 2.0 * price * (lack @ normal)
             if size is not None:
-                used = np.hypot(part[..., 0], part[..., 1])
-                more = np.maximum(0.0, used - size) / level
-                cost += price * float((more * more).sum())
+                square = part[..., 0] ** 2 + part[..., 1] ** 2
+                rows = np.nonzero(square > size * size)
+                used, ahead = np.sqrt(square[rows]), part[..., :2][rows]
+                more = (used - size[rows]) / level
+                cost += price * float(more @ more)
                 force = 2.0 * price * more / (level * np.maximum(used, _TINY))
-                toward[..., :2] += force[..., None] * part[..., :2]
+                toward[..., :2][rows] += force[:, None] * ahead
         return cost
 
     def _turning(self, flown: FloatArray, slope: FloatArray, price: float) -> float:
         """Price of rates that are passed; adds its slope."""
         cost = 0.0
+        allowed, most = self.crowd.allowed, 1.0 - _INSIDE
         pulls, jerks = self._part(flown, 2), self._part(flown, 3)
-        for share, by_pull, by_jerk in self.crowd.allowed.turned(pulls, jerks):
-            more = np.maximum(0.0, np.abs(share) - (1.0 - _INSIDE))
-            cost += price * float((more * more).sum())
-            force = (2.0 * price * more * np.sign(share))[..., None]
-            self._part(slope, 2)[:] += force * by_pull
-            self._part(slope, 3)[:] += force * by_jerk
+        rows = np.nonzero(allowed.turning(pulls, jerks) > most)
+        for share, by_pull, by_jerk in allowed.turned(pulls[rows], jerks[rows]):
+            more = np.maximum(0.0, np.abs(share) - most)
+            cost += price * float(more @ more)
+            force = (2.0 * price * more * np.sign(share))[:, None]
+            self._part(slope, 2)[rows] += force * by_pull
+            self._part(slope, 3)[rows] += force * by_jerk
         return cost
 
     def _behind(self, flown: FloatArray, slope: FloatArray, price: float) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -123,12 +122,10 @@ class Work:
         self.done += len(tasks)
         return found
 
-    def untangle(
-        self, function: Callable[..., Untangled], *task: object, **options: object
-    ) -> Untangled:
+    def untangle(self, function: Callable[..., Untangled], *task: object) -> Untangled:
         """Let a worker change a crowd: other legs' threads go on beside it."""
         found: Untangled
-        (found,) = self.workers.run(partial(function, **options), [task], _unheard)
+        (found,) = self.workers.run(function, [task], _unheard)
         self.count("untangled")
         self.done += found.work / PRODUCTS
         return found

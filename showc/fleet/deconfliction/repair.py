@@ -7,6 +7,7 @@ repeated about the outcome until no pair comes too near.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,7 @@ from showc.fleet.deconfliction.crowd import Allowed, Crowd, Planes, sampled
 from showc.fleet.deconfliction.enclosure import Detour, fence_walls
 from showc.fleet.deconfliction.flights import Flights, Work
 from showc.fleet.deconfliction.independent import Independent
-from showc.fleet.deconfliction.untangling import untangle, untangle_near
+from showc.fleet.deconfliction.untangling import OF_MANY, untangle, untangle_near
 from showc.fleet.deconfliction.walls import interpolated
 from showc.fleet.single_drone.common_time import OPTIMAL, SPLINE, STRAIGHT
 from showc.trajectory import evaluated
@@ -63,7 +64,7 @@ _LEFT = 0.5
 short."""
 _HOVERING = 0.1
 """How readily a drone that hovers moves, where others cannot go round it."""
-_TANGLED = ((0.35, 0.0), (0.0, 8.0), (0.03, 0.0))
+_TANGLED = ((0.35, 0.0), (0.0, 8.0), (OF_MANY, 0.0))
 """Pairs too near and drones beyond limits after all changes, from which on no change is
 flown: for each drone, and besides. The middle one of these is meant."""
 _HARDLY, _DOZEN = 2.0, 12
@@ -254,8 +255,8 @@ class Repair:
             self.crowd = self._crowd(met)
             paths = [one.state.select(slice(0, 3)) for one in self.flights.flown]
             self._first = evaluated(paths, self.flights.nodes)
-            known, free = self._known(), self.move.free
-            found = self.made.untangle(untangle, self.crowd, known, free=free)
+            search = partial(untangle, free=self.move.free)
+            found = self.made.untangle(search, self.crowd, self._known())
         else:
             wrong = np.concatenate([met.first, met.second, list(astray)])
             rows = np.unique(wrong.astype(np.int64))

@@ -42,7 +42,7 @@ _SLOWER = (1.1, 1.3)
 _WRONG = 1.0
 """How much more time what is wrong with an outcome is thought to take, over its share
 of the drones."""
-_NEARLY, _HARDLY, _OF_MANY = 0.1, 3.0, 0.03
+_NEARLY, _HARDLY, OF_MANY = 0.1, 3.0, 0.03
 """Wrong for each drone, at most, and for each drone of a great crowd, at which another
 search would not pay: what little is lacking is made good in flight."""
 
@@ -72,7 +72,7 @@ def untangle(
     best, work = None, 0.0
     free = free and known is None
     drones = crowd.places.shape[0]
-    enough = max(min(_NEARLY * drones, _HARDLY), _OF_MANY * drones)
+    enough = max(min(_NEARLY * drones, _HARDLY), OF_MANY * drones)
     for search in _searches(crowd, known, anew=anew, free=free):
         found = search.run()
         work += found.work
@@ -102,11 +102,10 @@ def _searches(
         yield Elastic(crowd, known=known)
     yield first
     if anew and known is None:
-        if not many:
-            yield Programs(_staying(crowd), limited=True)
-        layered = Programs(_staying(crowd), limited=True)
-        layered.begin_in_layers()
-        yield layered
+        second = Programs(_staying(crowd), limited=True)
+        if many:
+            second.begin_in_layers()
+        yield second
     if crowd.hovers.any():
         yield Programs(crowd, limited=False, gently=not anew)
     if many or free or known is not None:

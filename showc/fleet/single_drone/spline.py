@@ -40,8 +40,6 @@ class SplineFlight:
     """Bernstein coefficients, shape (K, 6, 3) [m]."""
     flight: FlatFlights
     """Of this one drone; its intervals are halves of the spline's."""
-    programs: int
-    """Convex programs solved."""
 
 
 def follow_spline(  # noqa: PLR0917 - tasks of workers are tuples
@@ -87,7 +85,7 @@ def follow_spline(  # noqa: PLR0917 - tasks of workers are tuples
 def _iterated(aircraft: Aircraft, program: Program) -> SplineFlight | None:
     """Solve programs about one iterate after the other, until one keeps all limits."""
     aim = Aim()
-    for count in range(_ITERATIONS):
+    for _ in range(_ITERATIONS):
         position = program.solve(aim)
         if position is None:
             return None
@@ -96,7 +94,7 @@ def _iterated(aircraft: Aircraft, program: Program) -> SplineFlight | None:
         if use.greatest[0] <= 1.0:
             if not leads(aircraft.vehicle, [flight.trajectory(0)]).all():
                 return None
-            return SplineFlight(program.breaks, position, flight, count + 1)
+            return SplineFlight(program.breaks, position, flight)
         aim = aim.corrected(use)
         program.relinearise(position)
     return None
