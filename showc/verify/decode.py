@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections import Counter
 from fractions import Fraction
+from functools import partial
 from itertools import chain, islice, product
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -19,11 +20,12 @@ from showc.log import showc_pb2 as pb
 from showc.log.container import Message as LoggedMessage
 from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME, RULES, SEGMENTS, descriptor_set
+from showc.processes import side_by_side
 from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Segment
 from showc.verify.report import Check, agreement
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from showc.log.container import LogFile
 
@@ -75,8 +77,10 @@ def check_schemas(log: LogFile) -> Check:
     return agreement("VRF103", bad)
 
 
-def read_show(log: LogFile) -> LoggedShow:
-    """Decode rules, segments and all polynomials.
+def read_show(
+    log: LogFile, others: Sequence[Callable[[], Any]] = (), jobs: int | None = 1
+) -> tuple[LoggedShow, list[Any]]:
+    """Return the decoded show, and results of ``others``: all work is side by side.
 
     Raises
     ------
@@ -89,14 +93,28 @@ def read_show(log: LogFile) -> LoggedShow:
     end = max(message.start + message.duration for message in messages)
     if not abs(end - rules.duration) <= 1e-6:
         raise Damage(0, f"segments end at {end} s, the show at {rules.duration} s")
-    return LoggedShow(rules, tuple(_flown(log, rules, messages, epoch)), epoch)
+    drones = {
+        number: int(match[1]) - 1
+        for number, channel in log.channels.items()
+        if (match := TOPIC.fullmatch(channel.topic))
+    }
+    many = sum(int(np.isin(one.channel, [*drones]).sum()) for one in log.chunks)
+    wanted = [*range(rules.drones)], rules.drones * len(messages)
+    if (sorted(drones.values()), many) != wanted:
+        raise Damage(0, "there is not one trajectory of each drone in each segment")
+    times = log.times(*_on(log, SEGMENTS)).tolist()
+    flown = (partial(_flown, log, times, k, drones) for k in range(len(times)))
+    results: list[Any] = side_by_side([*others, *flown], jobs)
+    goals = (np.array(one.goals).reshape(-1, 3) for one in messages)
+    segments = map(Segment, messages, results[len(others) :], goals)
+    return LoggedShow(rules, tuple(segments), epoch), results[: len(others)]
 
 
 def _on(log: LogFile, topic: str) -> set[int]:
-    """Channels of a topic that must be there."""
+    """Return the one channel of a topic that must be there."""
     found = {n for n, channel in log.channels.items() if channel.topic == topic}
-    if not found:
-        raise Damage(0, f"there is no {topic}; this is not a log of showc's")
+    if len(found) != 1:
+        raise Damage(0, f"there is not one {topic}; this is not a log of showc's")
     return found
 
 
@@ -122,7 +140,7 @@ def _rules(log: LogFile) -> tuple[pb.Rules, int]:
     rules = _parsed(pb.Rules, found[0])
     # What else they say must be what the script says.
     version, steps = rules.format_version, rules.duration * rules.log_rate
-    known = version == FORMAT_VERSION and rules.drones <= CAPS["drones"]
+    known = version == FORMAT_VERSION and 1 <= rules.drones <= CAPS["drones"]
     if not (known and 0.0 <= steps <= CAPS["samples"]):
         raise Damage(
             found[0].offset,
@@ -201,44 +219,27 @@ def read_aborts(
     ):
         raise Damage(offset, "the abort table contradicts itself")
     flights = ((one, offset) for one in table.flights)
-    legs = (_segment(leg, [*islice(flights, rules.drones)]) for leg in table.legs)
-    return table, tuple(legs)
+    tables = (_table([*islice(flights, rules.drones)]) for _ in table.legs)
+    goals = (np.array(one.goals).reshape(-1, 3) for one in table.legs)
+    return table, tuple(map(Segment, table.legs, tables, goals))
 
 
 def _flown(
-    log: LogFile, rules: pb.Rules, messages: list[pb.Segment], epoch: int
-) -> Iterator[Segment]:
-    """Gather the trajectories of all segments, which follow each other in the log."""
-    channels = {
-        number: int(match[1]) - 1
-        for number, channel in log.channels.items()
-        if (match := TOPIC.fullmatch(channel.topic))
-    }
-    if sorted(channels.values()) != list(range(rules.drones)):
-        raise Damage(0, f"not every one of {rules.drones} drones has trajectories")
-    flown = log.messages(set(channels))
-    for index, message in enumerate(messages):
-        time, flights = epoch + round(Fraction(message.start) * 10**9), []
-        for drone, logged in zip(range(rules.drones), flown, strict=False):
-            found = _parsed(pb.Trajectory, logged)
-            said = found.segment, found.drone, channels[logged.channel], logged.time
-            if said != (index, drone, drone, time):
-                raise Damage(logged.offset, "a trajectory is not in its turn")
-            flights.append((found, logged.offset))
-        if len(flights) < rules.drones:
-            raise Damage(0, f"segment {message.name!r} lacks trajectories")
-        yield _segment(message, flights)
-    for logged in flown:
-        raise Damage(logged.offset, "a trajectory follows those of all segments")
+    log: LogFile, times: Sequence[int], which: int, drones: dict[int, int]
+) -> PieceTable:
+    """Gather the flights of a segment; ``drones`` are those of the channels."""
+    flights = []
+    for drone, logged in enumerate(log.messages({*drones}, which, len(times))):
+        found = _parsed(pb.Trajectory, logged)
+        said = found.segment, found.drone, drones[logged.channel], logged.time
+        if said != (which, drone, drone, times[which]):
+            raise Damage(logged.offset, "a trajectory is not in its turn")
+        flights.append((found, logged.offset))
+    return _table(flights)
 
 
-def _segment(
-    message: pb.Segment, flights: Sequence[tuple[pb.Trajectory, int]]
-) -> Segment:
-    """Join the flights of a segment, each with its offset in the file.
-
-    Damage if one of them contradicts itself.
-    """
+def _table(flights: Sequence[tuple[pb.Trajectory, int]]) -> PieceTable:
+    """Join the flights of a segment, each with its offset; Damage if one is odd."""
     tables = []
     for one, offset in flights:
         breaks, pieces = np.array(one.breaks), len(one.breaks) - 1
@@ -256,8 +257,8 @@ def _segment(
     # Numbers that are undefined make the comparisons false.
     sound = (table.start > -LARGEST) & (table.start < table.end) & (table.end < LARGEST)
     for numbers in (table.state, table.control):
-        sound &= np.abs(numbers).max(axis=(1, 2)) < LARGEST
+        sound &= np.abs(numbers.reshape(sound.size, -1)).max(axis=1) < LARGEST
     if not sound.all():
         drone = table.owner[sound.argmin()]
         raise Damage(flights[int(drone)][1], "a trajectory contradicts itself")
-    return Segment(message, table, np.array(message.goals).reshape(-1, 3))
+    return table

@@ -79,8 +79,8 @@ def verify_log(
         metadata = dict(log.metadata).get(METADATA_NAME)
         if metadata is None:
             raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
-        anchor, asked, checks = read_anchor(log, metadata, script)
-        show = read_show(log)
+        anchored = partial(read_anchor, log, metadata, script)
+        show, ((anchor, asked, checks),) = read_show(log, [anchored], jobs)
         # Missions have the longest part: begun last, it would keep one process alone.
         rooms = [*_rooms(log, metadata, show, asked, missions=missions)][::-1]
         parts = [part for work, _ in rooms for part in work]
@@ -171,5 +171,4 @@ def _integrity(log: LogFile) -> Check:
         f"{messages:,} messages on {len(log.channels):,} channels in "
         f"{len(log.chunks):,} chunks: CRCs, indexes, statistics, order, sequence"
     )
-    size = float(len(log.view))
-    return checked("VRF101", "pass", size, unit="bytes", notes=(whole,))
+    return checked("VRF101", "pass", len(log.view), unit="bytes", notes=(whole,))

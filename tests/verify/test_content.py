@@ -203,7 +203,7 @@ def test_a_trajectory_left_out_is_damage(data, tmp_path):
             None if (topic, number) == ("/drone/0002/trajectory", 3) else message
         ),
     )
-    with pytest.raises(DamagedLogError, match="not in its turn"):
+    with pytest.raises(DamagedLogError, match="not one trajectory of each drone"):
         verified(content, tmp_path)
 
 

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from showc.errors import DamagedFileError, UsageError
+from showc.log.container import open_log
 from showc.verify import DamagedLogError, verify_log
 
 HEAD = struct.Struct("<BQ")
@@ -328,3 +329,15 @@ def test_altered_bytes_with_all_crcs_right_raise_nothing_else(
     path.write_bytes(altered)
     if altered != data:
         assert exit_code(path) in {0, 1, 2}
+
+
+def test_shares_of_messages_are_all_of_them(log_path):
+    log = open_log(log_path)
+    asked = {number for number in log.channels if number % 2}
+    everything = [*log.messages(asked)]
+    assert {one.channel for one in everything} == asked
+    for shares in (1, 3, 7, len(everything), len(everything) + 5):
+        parts = [[*log.messages(asked, share, shares)] for share in range(shares)]
+        assert [one for part in parts for one in part] == everything
+        sizes = {len(part) for part in parts}
+        assert max(sizes) - min(sizes) <= 1
