@@ -18,9 +18,9 @@ import numpy as np
 
 from showc.fleet.shared_profile.flat import SLACK, fly, use_of_limits
 from showc.fleet.single_drone.judgement import (
-    ATTITUDE_ACCURACY,
     POSITION_ACCURACY,
     VELOCITY_ACCURACY,
+    attitude_accuracy,
 )
 from showc.fleet.single_drone.replay import replay
 from showc.trajectory import bernstein_basis
@@ -163,10 +163,11 @@ def _flown(leg: Leg, aircraft: Aircraft, duration: float, width: float) -> Movin
     missed = np.inf
     if use.greatest.max() <= _HOPELESS:
         replayed = replay(aircraft.vehicle, trajectories)
+        turned = attitude_accuracy(aircraft.vehicle, duration)
         missed = max(
             float(replayed.position.max()) / POSITION_ACCURACY,
             float(replayed.velocity.max()) / VELOCITY_ACCURACY,
-            float(replayed.attitude.max()) / ATTITUDE_ACCURACY,
+            float(replayed.attitude.max()) / turned,
         )
     return MovingFlight(trajectories, flights, use, error, missed)
 

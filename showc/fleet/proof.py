@@ -17,10 +17,10 @@ from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.leg import TOLERANCE, aircraft_of, pair_names
 from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.judgement import (
-    ATTITUDE_ACCURACY,
     KEPT,
     POSITION_ACCURACY,
     VELOCITY_ACCURACY,
+    attitude_accuracy,
 )
 from showc.fleet.single_drone.replay import replay
 from showc.flight import Trajectory
@@ -166,7 +166,7 @@ def _limits(flight: LegFlight, show: Show) -> str:
     flown = replay(aircraft.vehicle, flight.trajectories)
     missed = flown.position / POSITION_ACCURACY
     slipped = flown.velocity / VELOCITY_ACCURACY
-    turned = flown.attitude / ATTITUDE_ACCURACY
+    turned = flown.attitude / attitude_accuracy(aircraft.vehicle, flight.duration)
     worst_of = np.maximum(np.maximum(missed, slipped), turned)
     row = int(np.argmax(worst_of))
     if not worst_of[row] <= 1.0:

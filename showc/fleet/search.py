@@ -21,7 +21,7 @@ from showc.errors import SolveError
 from showc.fleet.deconfliction.clock import ClosedFlights
 from showc.fleet.deconfliction.crowd import Crossing
 from showc.fleet.deconfliction.enclosure import Detour, detours, displacement
-from showc.fleet.deconfliction.flights import FINE, PRODUCTS, Move
+from showc.fleet.deconfliction.flights import PRODUCTS, Move
 from showc.fleet.deconfliction.layered import fly_layered
 from showc.fleet.deconfliction.repair import Repair
 from showc.fleet.deconfliction.untangling import quickest
@@ -86,6 +86,8 @@ each of those beyond ``_MANY``. The unit is a flight behind half-spaces that is 
 _WORK_ROUND = 0.5
 """Share of this work where drones go round corners: a flight between walls of the fence
 takes two to ten times as long to solve."""
+_IN_CLOSED_FORM = 2.0
+"""How much more work is worth while while there is a flight in closed form alone."""
 _AT_ONCE, _LEAST_WORK = 0.6, 200.0
 """Share of the work left that any one time may take, and what it may at least."""
 _SLOWER = 4
@@ -152,7 +154,7 @@ class Search:
             )
         # The flight in closed form; looked for once.
         self._known: ClosedFlights | None = None
-        self._looked = False
+        self._looked = self._flown = False
 
     def limiting(self, *, solve: bool) -> Limiting:
         """Find the slowest drones, and prove how long they need."""
@@ -284,7 +286,7 @@ class Search:
             middle = whole_milliseconds(middle)
             if best.duration - failed < near or middle >= best.duration:
                 break
-            bent = _NONE if many else best.bent
+            bent = best.bent if self.ways or not many else _NONE
             if isinstance(best, ClosedFlights) and self.ways:
                 bent = self.ways
             self.progress.note(
@@ -312,6 +314,8 @@ class Search:
         allowed += _WORK_EACH_MORE * max(drones - _MANY, 0)
         if self.detours:
             allowed *= _WORK_ROUND
+        if self._known is not None and not self._flown:
+            allowed *= _IN_CLOSED_FORM
         return self.options.effort * allowed - self.work
 
     def at(
@@ -349,13 +353,14 @@ class Search:
             rounds=self.options.repair_rounds,
             work=max(_AT_ONCE * self.left, _LEAST_WORK),
             bent=bent,
-            free=self.crossing() is not None and leg.drones.size < FINE,
+            free=self.crossing() is not None,
             most=most,
         )
         repair = Repair(move, time, self.shortest, self.workers, self.progress)
         repair.run()
         self._count("common_times_" + ("passed_over" if repair.tangled else "tried"))
         self.work += repair.work
+        self._flown |= repair.done
         return repair
 
     def surely(self) -> ClosedFlights | None:

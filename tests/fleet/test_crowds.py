@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
+from showc.errors import SolveError
 from showc.fleet import search as module
 from showc.fleet import solve_leg
 from showc.fleet.deconfliction.conflicts import closest
@@ -133,6 +134,17 @@ def test_workers_change_the_ways_of_crowds():
     repair = search(make_leg(start, goal, limits=WIDE), workers=Recording()).at(4.0)
     assert repair.done
     assert untangle in asked
+
+
+def test_a_time_in_which_nothing_was_found_is_not_called_impossible():
+    ends = np.array([[0.0, 0.0, 20.0], [9.0, 0.0, 20.0]])
+    leg = make_leg(ends, ends[::-1], limits=WIDE, duration=1.0)
+    least = search(leg).limiting(solve=False).time
+    leg = replace(leg, duration=1.0005 * least)
+    with pytest.raises(SolveError) as caught:
+        solve_leg(leg, make_show(2), make_options(), InProcess(), Listening())
+    assert "no flight was found in less than" in str(caught.value)
+    assert "needs >=" not in str(caught.value)
 
 
 @pytest.mark.parametrize("effort", [1, 3])

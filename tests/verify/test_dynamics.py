@@ -12,7 +12,11 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from verified import with_table
 
+from showc.fleet.single_drone.judgement import leads
+from showc.flight import Trajectory
 from showc.log import showc_pb2 as pb
+from showc.trajectory import PiecewisePolynomial
+from showc.vehicle import PRESETS
 from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.dynamics import (
     ANGLE,
@@ -385,3 +389,28 @@ def test_integrals_and_coefficients_are_right_in_balls(seed, degree):
         assert away < flint.arb(rounding)
     direct = chebyshev_ball(_chebyshev(degree) @ logged, share)
     assert abs(direct - bernstein_ball(logged, share)) < flint.arb(rounding)
+
+
+def test_what_a_planner_accepts_is_proved_however_its_attitude_errs():
+    """An error of the attitude that cancels out on the way still counts in a proof."""
+    planned, breaks, verdicts = PRESETS["formation-625g"].vehicle, np.arange(41.0), []
+    assert planned.thrust_max == pytest.approx(allocation(VEHICLE)[0].sum(), rel=1e-3)
+    state = np.zeros((40, 2, 12))
+    state[:, :, 0] = 0.5 * np.stack([breaks[:-1], breaks[1:]], axis=1)
+    state[:, :, 3] = 0.5
+    for size in (1e-9, 1e-8, 1e-7, 1e-6):
+        control = np.zeros((40, 1, 4))
+        control[:, 0, 0] = VEHICLE.mass * VEHICLE.gravity
+        # The roll rises and falls by turns: the way is hardly another one.
+        turns = np.tile([1.0, -1.0, -1.0, 1.0], 10)
+        control[:, 0, 1] = turns * size * VEHICLE.inertia.x
+        curves = (PiecewisePolynomial(breaks, one) for one in (state, control))
+        first = np.array([0]), np.array([0, 40])
+        table = PieceTable(*first, breaks[:-1], breaks[1:], state, control)
+        segment = Segment(pb.Segment(duration=40.0), table, np.zeros((1, 3)))
+        proved = bool(radius(segment, VEHICLE)[0, :3].max() <= POSITION)
+        accepted = bool(leads(planned, [Trajectory(*curves)])[0])
+        verdicts.append((accepted, proved))
+    assert verdicts[0] == (True, True)
+    assert verdicts[-1] == (False, False)
+    assert (True, False) not in verdicts

@@ -25,7 +25,7 @@ from showc.fleet.deconfliction.changes import (
     excess,
     spline_values,
 )
-from showc.fleet.deconfliction.neighbours import all_pairs
+from showc.fleet.deconfliction.neighbours import near_pairs
 from showc.fleet.single_drone.basis import DEGREE
 from showc.vehicle.metric import measure
 
@@ -126,17 +126,13 @@ class Elastic:
         away = np.minimum(middle, 1.0 - middle)
         self.calm = np.clip(away / _CALM, 0.0, 1.0)
         self.off = 0.5 * _PULL * (crowd.duration * away) ** 2
-        first, second = all_pairs(self.drones)
-        moves = self.moving[first] | self.moving[second]
-        self.first, self.second = first[moves], second[moves]
-        ends = crowd.places[self.first][:, [0, -1]]
-        ends = ends - crowd.places[self.second][:, [0, -1]]
-        # No change can keep a pair further apart than it stands at the ends.
-        self.standing = measure(ends, crowd.separation).min(axis=1) * (1.0 - 1e-7)
-        often = crowd.often
-        pairs = zip(self.first.tolist(), self.second.tolist(), strict=True)
-        times = np.array([often.get(pair, 0) for pair in pairs], dtype=np.float64)
-        self.again = np.clip(times - 1.0, 0.0, _AGAIN)
+        # How often each pair came too near, by the number of the pair.
+        often = {
+            first * self.drones + second: count
+            for (first, second), count in crowd.often.items()
+        }
+        self.known_pairs = np.array(sorted(often), dtype=np.int64)
+        self.often = np.array([often[pair] for pair in self.known_pairs.tolist()])
         self.limits = [self._limits(order) for order in range(len(parts))]
         self.looked: FloatArray | None = None
         # Logarithm of the time over the crowd's, and by how many powers of the time
@@ -277,27 +273,47 @@ class Elastic:
     def _look(self, points: FloatArray) -> None:
         """Find pairs near each other between two samples."""
         flat = points[..., :3]
-        middle = (0.5 * (flat[1:] + flat[:-1])).transpose(1, 0, 2)
-        half = 0.5 * np.linalg.norm(flat[1:] - flat[:-1], axis=2).T
-        gap = middle[self.first] - middle[self.second]
-        if self.square:
-            near = np.abs(gap).max(axis=2)
-        else:
-            near = np.sqrt(np.einsum("csa,csa->cs", gap, gap))
-        near -= half[self.first] + half[self.second]
-        pair, segment = np.nonzero(near < _REACH * self.distance)
-        self.ahead = segment * self.drones + self.first[pair]
-        self.behind = segment * self.drones + self.second[pair]
+        middle = 0.5 * (flat[1:] + flat[:-1])
+        half = 0.5 * np.linalg.norm(flat[1:] - flat[:-1], axis=2)
+        reach, norm = _REACH * self.distance, np.inf if self.square else 2.0
+        far = (reach + 2.0 * half.max(axis=1)).tolist()
+        found = [near_pairs(*one, norm) for one in zip(middle, far, strict=True)]
+        segment = np.repeat(np.arange(len(found)), [one.size for one, _ in found])
+        first, second = (np.concatenate(some) for some in zip(*found, strict=True))
+        self.work += _OF_PAIR * segment.size
+        gap = middle[segment, first] - middle[segment, second]
+        near = np.linalg.norm(gap, ord=norm, axis=1)
+        near -= half[segment, first] + half[segment, second]
+        kept = (near < reach) & (self.moving[first] | self.moving[second])
+        segment, first, second = segment[kept], first[kept], second[kept]
+        self.ahead = segment * self.drones + first
+        self.behind = segment * self.drones + second
         # What came too near all the same needs more, at the ends as well.
-        again = self.again[pair]
+        again = np.clip(self._times(first, second) - 1.0, 0.0, _AGAIN)
         calm = np.where(again > 0.0, 1.0, self.calm[segment])
         aim = self.distance * (1.0 + _AIM * (1.0 + again) * calm)
         # Near the ends no share is aimed at: what lacks there costs more.
         self.dear = 1.0 / np.maximum(self.calm[segment], _DEAREST)
         off = self.off[segment] * (1.0 + again)
-        self.wanted = np.minimum(aim, self.standing[pair] + off)
+        self.wanted = np.minimum(aim, self._standing(first, second) + off)
         self.looked = flat
-        self.work += _OF_PAIR * near.size
+
+    def _times(self, first: IntArray, second: IntArray) -> FloatArray:
+        """How often pairs (m,) have come too near, shape (m,)."""
+        if not self.often.size:
+            return np.zeros(first.size)
+        pair = first * self.drones + second
+        at = np.searchsorted(self.known_pairs, pair) % self.often.size
+        return np.where(self.known_pairs[at] == pair, self.often[at], 0.0)
+
+    def _standing(self, first: IntArray, second: IntArray) -> FloatArray:
+        """Distances (m,) at which pairs (m,) stand at the nearer of their ends.
+
+        No change can keep a pair further apart there.
+        """
+        ends = self.crowd.places[:, [0, -1]]
+        apart = measure(ends[first] - ends[second], self.crowd.separation)
+        return np.asarray(apart.min(axis=1) * (1.0 - 1e-7))
 
     def _apart(self, points: FloatArray, price: float) -> tuple[float, FloatArray]:
         """Price of what distances lack, and its slope (m, n, axes)."""

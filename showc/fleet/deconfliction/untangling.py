@@ -95,12 +95,9 @@ def _searches(
 ) -> Iterator[Programs | Elastic]:
     """Yield what is run until it parts the crowd."""
     many = crowd.places.shape[0] >= _MANY
-    first = Programs(_staying(crowd), limited=many, gently=not anew)
-    if known is not None and many:
-        first.change[:] = known
-    elif known is not None:
+    if known is not None:
         yield Elastic(crowd, known=known)
-    yield first
+    yield Programs(_staying(crowd), limited=many, gently=not anew)
     if anew and known is None:
         second = Programs(_staying(crowd), limited=True)
         if many:

@@ -30,7 +30,9 @@ POSITION_ACCURACY = 4e-4
 VELOCITY_ACCURACY = 2e-4
 """Greatest replay error of the velocity [m/s]; a proof allows 5e-4."""
 ATTITUDE_ACCURACY = float(np.deg2rad(0.01))
-"""Greatest replay error of roll, pitch and yaw [rad]."""
+"""Greatest replay error of roll, pitch and yaw [rad], however short the flight."""
+_WINDOW = 20.0
+"""Time [s] for which a proof flies on from one state."""
 KEPT = 1e-9
 """Excess over a limit, relative to its range, that counts as rounding."""
 STILL = 1e-9
@@ -136,12 +138,24 @@ class Flights(Strategy[Verdict]):
         return verdict
 
 
+def attitude_accuracy(vehicle: Quadrotor, duration: float) -> float:
+    """Greatest replay error of roll, pitch and yaw [rad] over a ``duration`` [s].
+
+    A proof allows for full thrust along either of two angles that are wrong throughout:
+    within t seconds their sum moves a drone by t² / 2 times that acceleration at most.
+    """
+    push, time = vehicle.thrust_max / vehicle.mass, min(duration, _WINDOW)
+    return min(ATTITUDE_ACCURACY, POSITION_ACCURACY / (push * time**2))
+
+
 def leads(vehicle: Quadrotor, trajectories: Sequence[Trajectory]) -> BoolArray:
     """Whether the controls of each lead along its path, as near as a proof wants."""
     flown = replay(vehicle, trajectories)
+    times = [trajectory.state.end for trajectory in trajectories]
+    turned = np.array([attitude_accuracy(vehicle, time) for time in times])
     near = flown.position <= POSITION_ACCURACY
     near &= flown.velocity <= VELOCITY_ACCURACY
-    return np.asarray(near & (flown.attitude <= ATTITUDE_ACCURACY))
+    return np.asarray(near & (flown.attitude <= turned))
 
 
 def judge(aircraft: Aircraft, trajectory: Trajectory) -> Verdict:
@@ -149,6 +163,7 @@ def judge(aircraft: Aircraft, trajectory: Trajectory) -> Verdict:
     flown = replay(aircraft.vehicle, [trajectory])
     missed, turned = float(flown.position[0]), float(flown.attitude[0])
     slipped = float(flown.velocity[0])
+    allowed = attitude_accuracy(aircraft.vehicle, trajectory.state.end)
     worst: Excess = greatest_excess(aircraft, trajectory)
     status: Status = "solved"
     message = ""
@@ -158,15 +173,12 @@ def judge(aircraft: Aircraft, trajectory: Trajectory) -> Verdict:
             f"{worst.name} is {worst.amount:.3g} outside its limit near "
             f"{worst.time:.2f} s"
         )
-    elif (
-        missed > POSITION_ACCURACY
-        or slipped > VELOCITY_ACCURACY
-        or turned > ATTITUDE_ACCURACY
-    ):
+    elif missed > POSITION_ACCURACY or slipped > VELOCITY_ACCURACY or turned > allowed:
         status = "inaccurate"
         message = (
             f"the controls miss the trajectory by {1e3 * missed:.3g} mm, "
             f"{1e3 * slipped:.3g} mm/s and {np.rad2deg(turned):.3g} deg; wanted "
-            f"{1e3 * POSITION_ACCURACY:.3g} mm and {1e3 * VELOCITY_ACCURACY:.3g} mm/s"
+            f"{1e3 * POSITION_ACCURACY:.3g} mm, {1e3 * VELOCITY_ACCURACY:.3g} mm/s "
+            f"and {np.rad2deg(allowed):.3g} deg"
         )
     return Verdict(status, message, missed, turned, trajectory)

@@ -131,7 +131,7 @@ def separated(
         f"{show.drones * (show.drones - 1) // 2:,} pairs; the closest encounter of the "
         f"polynomials lies in [{encounter.lower:.7f}, {encounter.upper:.7f}] m "
         f"(resolution {RESOLUTION:.0e} m, rounding {encounter.error:.0e} m, tolerance "
-        f"{TOLERANCE:.0e} m); each drone flies within {radius:.1e} m of them"
+        f"{TOLERANCE:.0e} m); flown {radius:.1e} m off at most, allowed {POSITION:.0e}"
     )
     enough, asked = separation.distance - TOLERANCE, separation.distance
     holds = encounter.lower >= enough and radius <= POSITION
