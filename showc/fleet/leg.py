@@ -289,13 +289,11 @@ class _Solver:
         limiting = search.limiting(solve=False)
         if time < limiting.time:
             drone = int(self.leg.drones[limiting.drone])
-            raise self._too_short(
-                time,
-                limiting.time,
+            why = (
                 f"it is proved that drone {drone + 1} cannot make its way of "
-                f"{limiting.distance:.2f} m in less under its limits",
-                proved=True,
+                f"{limiting.distance:.2f} m in less under its limits"
             )
+            raise self._too_short(time, "needs >=", limiting.time, why)
         repair = search.at(time, shared=sparing)
         if not repair.done and sparing is not None:
             repair = search.at(time)
@@ -306,28 +304,20 @@ class _Solver:
             raise SolveError(f"{self.where}: {repair.trouble}")
         found, _ = search.least()
         if found.duration > time or self.leg.in_motion:
-            raise self._too_short(time, found.duration, repair.trouble, proved=False)
+            needs = "no flight was found in less than"
+            raise self._too_short(time, needs, found.duration, repair.trouble)
         return self._finish(search, found, limiting, time)
 
-    def _too_short(
-        self, time: float, least: float, why: str, *, proved: bool
-    ) -> SolveError:
-        """Say by how much the time that the script leaves is too short.
-
-        The ``least`` time is ``proved``, or that of the quickest flight found.
-        """
-        needs = f"needs >= {least:.3f} s"
-        more = "give it more time or leave 'duration' out"
-        if not proved:
-            needs = f"no flight was found in less than {least:.3f} s"
-            more = "give it more time, leave 'duration' out or raise --effort"
+    def _too_short(self, time: float, needs: str, least: float, why: str) -> SolveError:
+        """Say by how much the time that the script leaves is too short."""
         if self.leg.arrive is None:
             return SolveError(
-                f"{self.where}: {needs}, script gives {time:.3f} s: {why}; {more}"
+                f"{self.where}: {needs} {least:.3f} s, script gives {time:.3f} s: "
+                f"{why}; give it more time or leave 'duration' out"
             )
         return SolveError(
             f"{self.where}: cannot arrive at {self.leg.arrive:.3f} s of the show, "
-            f"{least - time:.3f} s too early: {needs}, the script "
+            f"{least - time:.3f} s too early: {needs} {least:.3f} s, the script "
             f"leaves {time:.3f} s: {why}; the earliest time is "
             f"{self.leg.arrive + least - time:.3f} s, or shorten what comes before"
         )

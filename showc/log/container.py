@@ -12,7 +12,7 @@ import mmap
 import struct
 import zlib
 from collections import Counter, defaultdict
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import sha256
@@ -40,12 +40,8 @@ from showc.log.records import (
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
-    from concurrent.futures import Executor, Future
 
     from showc.arrays import IntArray
-
-    Unpacked = tuple[tuple[Any, ...], bytes]
-    """Fields of a chunk, and its data."""
 
 LARGEST_FILE = 8 << 30
 """Size from which a log is refused [bytes]: an hour of 1,000 drones has half of it."""
@@ -171,8 +167,7 @@ class LogFile:
     ) -> Iterator[Message]:
         """Go through the messages of some channels again, in the file's order.
 
-        ``channels`` are their numbers; ``share`` is which of the equal ``shares`` of
-        these messages.
+        ``channels`` are numbers; ``share`` is which of the equal ``shares`` of these.
         """
         wanted = np.isin(np.arange(1 << 16), list(channels))
         kept = [(one, np.flatnonzero(wanted[one.channel])) for one in self.chunks]
@@ -259,35 +254,14 @@ def open_log(source: Path | bytes) -> LogFile:
 
 
 def _walked(log: LogFile) -> LogFile:
-    # It takes a while to import, and not every use of showc opens a log.
-    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415
-
-    with ThreadPoolExecutor(1) as beside, log.reported():
-        return _Walk(log, beside).run()
-
-
-def _unpacked(view: memoryview, record: Record) -> Unpacked:
-    """Return a chunk's fields and its data, which have their size and their CRC."""
-    _, _, size, crc, compression, packed = found = fields(view, record)
-    position, span = record.position, (record.stop - len(packed), record.stop)
-    if compression != "zstd":
-        raise Damage(position, f"a chunk is packed with {compression!r}, not zstd")
-    data = inflate(view, span, size)
-    _check_crc(crc, data, position, "a chunk")
-    return found, data
-
-
-def _check_crc(crc: int, covered: memoryview | bytes, position: int, what: str) -> None:
-    """Check the CRC of what a record covers."""
-    if zlib.crc32(covered) != crc:
-        text = f"the CRC of {what} does not fit: it was altered, or what it covers"
-        raise Damage(position, text)
+    with log.reported():
+        return _Walk(log).run()
 
 
 class _Walk:
-    """One pass over the file; ``beside`` unpacks a chunk while another is walked."""
+    """One pass over the file."""
 
-    def __init__(self, log: LogFile, beside: Executor) -> None:
+    def __init__(self, log: LogFile) -> None:
         self.log, self.view = log, log.view
         self.index: dict[Opcode, list[tuple[Any, ...]]] = {
             Opcode.CHUNK_INDEX: [],
@@ -302,9 +276,6 @@ class _Walk:
         self.end = self.unpacked = self.attached = self.records = self.messages = 0
         """Time of the last message [ns]; bytes unpacked and attached, records, messages
         so far."""
-        self.beside = beside
-        self.coming: dict[int, Future[Unpacked]] = {}
-        """Chunks that are being unpacked, by their positions."""
 
     def run(self) -> LogFile:
         view, log = self.view, self.log
@@ -322,7 +293,7 @@ class _Walk:
         while record.opcode != Opcode.DATA_END:
             record = self._take(record)
         (crc,), data = fields(view, record), view[: record.position]
-        _check_crc(crc, data, record.position, "the data as a whole")
+        self._crc(crc, data, record.position, "the data as a whole")
         self._tail(record.stop)
         log.release()
         return log
@@ -335,6 +306,14 @@ class _Walk:
         self.records += 1
         if self.records > MOST_RECORDS:
             raise Damage(position, f"the log has more than {MOST_RECORDS:,} records")
+
+    def _crc(
+        self, crc: int, covered: memoryview | bytes, position: int, what: str
+    ) -> None:
+        """Check the CRC of what a record covers."""
+        if zlib.crc32(covered) != crc:
+            text = f"the CRC of {what} does not fit: it was altered, or what it covers"
+            raise Damage(position, text)
 
     def _take(self, record: Record) -> Record:
         """Take the next record of the data; return the one that follows."""
@@ -351,7 +330,7 @@ class _Walk:
                 raise Damage(position, "attachments up to here are too large in sum")
             one = Attachment._make([*found, (stop - size, stop), position])
             covered = self.view[record.start : stop]
-            _check_crc(crc, covered, position, f"attachment {one.name!r}")
+            self._crc(crc, covered, position, f"attachment {one.name!r}")
             self.log.attachments.append(one)
             row = (position, record.stop - position, *one[:2], size, *one[2:4])
             self.index[Opcode.ATTACHMENT_INDEX].append(row)
@@ -382,11 +361,12 @@ class _Walk:
 
     def _chunk(self, record: Record) -> Record:
         """Take a chunk and the message indexes after it."""
-        position = record.position
-        unpacking = self.coming.pop(position, None) or self._unpack(record)
-        self._look_ahead(record.stop)
-        (start, end, size, _, compression, packed), data = unpacking.result()
-        span = record.stop - len(packed), record.stop
+        start, end, size, crc, compression, packed = fields(self.view, record)
+        position, span = record.position, (record.stop - len(packed), record.stop)
+        if compression != "zstd":
+            raise Damage(position, f"a chunk is packed with {compression!r}, not zstd")
+        data = inflate(self.view, span, size)
+        self._crc(crc, data, position, "a chunk")
         self.unpacked += size
         if self.unpacked > LARGEST_UNPACKED:
             raise Damage(position, "the chunks up to here are too large in sum")
@@ -416,19 +396,6 @@ class _Walk:
             )
         )
         return self._next(at)
-
-    def _unpack(self, record: Record) -> Future[Unpacked]:
-        return self.beside.submit(_unpacked, self.view, record)
-
-    def _look_ahead(self, position: int) -> None:
-        """Let the next chunk be unpacked, if it comes after message indexes alone."""
-        # What is damaged is found again when the walk gets there.
-        with suppress(Damage):
-            record = next_record(self.view, position)
-            while record.opcode == Opcode.MESSAGE_INDEX:
-                record = next_record(self.view, record.stop)
-            if record.opcode == Opcode.CHUNK:
-                self.coming[record.position] = self._unpack(record)
 
     def _places(
         self, data: bytes, entries: dict[int, bytearray]
