@@ -87,7 +87,7 @@ _WORK_ROUND = 0.5
 """Share of this work where drones go round corners: a flight between walls of the fence
 takes two to ten times as long to solve."""
 _IN_CLOSED_FORM = 2.0
-"""How much more work is worth while while there is a flight in closed form alone."""
+"""How much more work may be done while a flight in closed form is all there is."""
 _AT_ONCE, _LEAST_WORK = 0.6, 200.0
 """Share of the work left that any one time may take, and what it may at least."""
 _SLOWER = 4

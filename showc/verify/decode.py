@@ -7,7 +7,7 @@ from collections import Counter
 from fractions import Fraction
 from functools import partial
 from itertools import chain, islice, product
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -25,7 +25,7 @@ from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Se
 from showc.verify.report import Check, agreement
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from showc.log.container import LogFile
 
@@ -77,10 +77,8 @@ def check_schemas(log: LogFile) -> Check:
     return agreement("VRF103", bad)
 
 
-def read_show(
-    log: LogFile, others: Sequence[Callable[[], Any]] = (), jobs: int | None = 1
-) -> tuple[LoggedShow, list[Any]]:
-    """Return the decoded show, and results of ``others``: all work is side by side.
+def read_show(log: LogFile, jobs: int | None = 1) -> LoggedShow:
+    """Decode rules, segments and all polynomials: segments are decoded side by side.
 
     Raises
     ------
@@ -104,10 +102,9 @@ def read_show(
         raise Damage(0, "there is not one trajectory of each drone in each segment")
     times = log.times(*_on(log, SEGMENTS)).tolist()
     flown = (partial(_flown, log, times, k, drones) for k in range(len(times)))
-    results: list[Any] = side_by_side([*others, *flown], jobs)
+    tables = side_by_side([*flown], jobs)
     goals = (np.array(one.goals).reshape(-1, 3) for one in messages)
-    segments = map(Segment, messages, results[len(others) :], goals)
-    return LoggedShow(rules, tuple(segments), epoch), results[: len(others)]
+    return LoggedShow(rules, tuple(map(Segment, messages, tables, goals)), epoch)
 
 
 def _on(log: LogFile, topic: str) -> set[int]:

@@ -79,8 +79,8 @@ def verify_log(
         metadata = dict(log.metadata).get(METADATA_NAME)
         if metadata is None:
             raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
-        anchored = partial(read_anchor, log, metadata, script)
-        show, ((anchor, asked, checks),) = read_show(log, [anchored], jobs)
+        anchor, asked, checks = read_anchor(log, metadata, script)
+        show = read_show(log, jobs)
         # Missions have the longest part: begun last, it would keep one process alone.
         rooms = [*_rooms(log, metadata, show, asked, missions=missions)][::-1]
         parts = [part for work, _ in rooms for part in work]

@@ -130,7 +130,7 @@ def measured(case: Case, folder: Path) -> tuple[list[str], bool]:
     solve = SolveOptions(use_cache=False, jobs=1)
     compile_script(path, log, CompileOptions(missions=False, solve=solve))
     proved = not verify_log(log, script=path).failures()
-    segments = read_show(open_log(log))[0].segments
+    segments = read_show(open_log(log)).segments
     kinds = [(one.message.kind, one.message.MOTION) for one in segments]
     motions = {at for at, (kind, motion) in enumerate(kinds) if kind == motion}
     lines, well = [], proved

@@ -58,7 +58,7 @@ class Case:
                 predicted=self.missions.predicted,
             )
         self.log = open_log(self.path)
-        self.show, _ = read_show(self.log)
+        self.show = read_show(self.log)
         self.script = flight.itinerary.show
         # What lies in the folder, by name.
         self.written = {}

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from verified import with_table
 
-from showc.fleet.single_drone.judgement import leads
+from showc.fleet.single_drone.judgement import _WINDOW, leads
 from showc.flight import Trajectory
 from showc.log import showc_pb2 as pb
 from showc.trajectory import PiecewisePolynomial
@@ -24,6 +24,7 @@ from showc.verify.kernel.dynamics import (
     POSITION,
     RATE,
     VELOCITY,
+    WINDOW,
     _chebyshev,
     _refined,
     _rows_last,
@@ -411,6 +412,7 @@ def test_what_a_planner_accepts_is_proved_however_its_attitude_errs():
         proved = bool(radius(segment, VEHICLE)[0, :3].max() <= POSITION)
         accepted = bool(leads(planned, [Trajectory(*curves)])[0])
         verdicts.append((accepted, proved))
+    assert _WINDOW == WINDOW
     assert verdicts[0] == (True, True)
     assert verdicts[-1] == (False, False)
     assert (True, False) not in verdicts

@@ -89,7 +89,7 @@ def written(flight, path, manifest=None):
 
 def loaded(path):
     log = open_log(path)
-    return log, read_show(log)[0]
+    return log, read_show(log)
 
 
 def with_table(show: LoggedShow, number: int, **changes) -> LoggedShow:

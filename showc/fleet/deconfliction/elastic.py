@@ -289,7 +289,7 @@ class Elastic:
         self.ahead = segment * self.drones + first
         self.behind = segment * self.drones + second
         # What came too near all the same needs more, at the ends as well.
-        again = np.clip(self._times(first, second) - 1.0, 0.0, _AGAIN)
+        again = np.clip(self._how_often(first, second) - 1.0, 0.0, _AGAIN)
         calm = np.where(again > 0.0, 1.0, self.calm[segment])
         aim = self.distance * (1.0 + _AIM * (1.0 + again) * calm)
         # Near the ends no share is aimed at: what lacks there costs more.
@@ -298,7 +298,7 @@ class Elastic:
         self.wanted = np.minimum(aim, self._standing(first, second) + off)
         self.looked = flat
 
-    def _times(self, first: IntArray, second: IntArray) -> FloatArray:
+    def _how_often(self, first: IntArray, second: IntArray) -> FloatArray:
         """How often pairs (m,) have come too near, shape (m,)."""
         if not self.often.size:
             return np.zeros(first.size)
