@@ -33,6 +33,7 @@ from showc.script.show import (
 )
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 from showc.vehicle import DEFAULT_PRESET, PRESETS, Body, Limits, Quadrotor, Separation
+from showc.verify.decode import decoding
 
 SCRIPT = b"format: 1\nname: synthetic\n"
 MARK = Mark("synthetic.yaml", 1, 1, 1, 10)
@@ -457,4 +458,10 @@ def gliding_flight(drones: int = 16, *, moves: int = 3, hold: float = 2.0) -> Fl
     return fly(show, stops, gliding_trajectory)
 
 
-__all__ = ["gliding_flight", "vertical_flight", "vertical_formations"]
+def decoded(log):
+    """Show in an opened log, its segments decoded one after the other."""
+    parts, joined = decoding(log)
+    return joined([part() for part in parts])
+
+
+__all__ = ["decoded", "gliding_flight", "vertical_flight", "vertical_formations"]

@@ -114,21 +114,28 @@ def unlike(
         for key in sorted(wanted.keys() | found.keys()):
             if key not in found or key not in wanted:
                 yield f"{path}.{key} {'is missing' if key in wanted else 'is unknown'}"
-            else:
+            elif not _identical(found[key], wanted[key]):
                 yield from unlike(found[key], wanted[key], f"{path}.{key}", rounding)
     elif isinstance(wanted, list) and isinstance(found, list):
         if len(found) != len(wanted):
             yield f"{path} has {len(found)} entries, not {len(wanted)}"
-        for at, pair in enumerate(zip(found, wanted, strict=False)):
+        both = enumerate(zip(found, wanted, strict=False))
+        for at, pair in [(n, pair) for n, pair in both if not _identical(*pair)]:
             yield from unlike(*pair, f"{path}[{at}]", rounding, 1.0)
     elif not _agree(found, wanted, rounding, least):
         said = "a container" if isinstance(found, list | dict) else f"{found!r:.60}"
         yield f"{path} is {said}, not {getattr(wanted, 'pattern', wanted)!r}"
 
 
+def _identical(found: Any, wanted: Any) -> bool:  # noqa: ANN401 - JSON
+    """Whether two values are one and no containers; most are, and cost little so."""
+    same = type(found) is type(wanted) and not isinstance(found, list | dict)
+    return same and bool(found == wanted)
+
+
 def _agree(found: Any, wanted: Any, rounding: float, least: float) -> bool:  # noqa: ANN401
     """Whether two values, not both containers, are one but for rounding."""
-    if type(found) is type(wanted) and found == wanted:
+    if _identical(found, wanted):
         return True
     if isinstance(wanted, re.Pattern):
         return isinstance(found, str) and wanted.fullmatch(found) is not None

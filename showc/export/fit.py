@@ -26,9 +26,9 @@ from showc.export.grid import STANDING, Joints, on_grid
 from showc.foreign.motion import (
     chosen,
     derivative,
+    values,
 )
 from showc.processes import side_by_side
-from showc.verify.kernel.bernstein import values
 from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:

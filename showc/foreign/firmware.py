@@ -23,9 +23,9 @@ import numpy as np
 
 from showc.errors import DamagedFileError
 from showc.foreign.lights import read_lights
-from showc.foreign.motion import ROWS_AT_ONCE, owners
+from showc.foreign.motion import ROWS_AT_ONCE, owners, values
 from showc.foreign.show import Stored
-from showc.verify.kernel.bernstein import elevate, values
+from showc.verify.kernel.bernstein import elevate
 from showc.verify.kernel.slices import Tracks
 from showc.verify.report import Check, Place
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.kernel.bernstein import elevate, halves, values
+from showc.verify.kernel.bernstein import basis, elevate, halves
 from showc.verify.kernel.slices import Tracks
 
 if TYPE_CHECKING:
@@ -42,6 +42,12 @@ class Greatest:
     """Where it is reached, counting from 0."""
     time: float
     """When [s]."""
+
+
+def values(coefficients: FloatArray, fraction: FloatArray) -> FloatArray:
+    """Values at one ``fraction`` (..., n) each; shape (..., n, components)."""
+    weights = basis(coefficients.shape[-2] - 1, fraction)
+    return np.asarray(np.matmul(weights[..., None, :], coefficients)[..., 0, :])
 
 
 def owners(tracks: Tracks) -> IntArray:

@@ -20,8 +20,8 @@ from showc.foreign.motion import (
     length,
     over_fleet,
     owners,
+    values,
 )
-from showc.verify.kernel.bernstein import values
 from showc.verify.report import Check, Place
 
 if TYPE_CHECKING:

@@ -20,12 +20,11 @@ from showc.log import showc_pb2 as pb
 from showc.log.container import Message as LoggedMessage
 from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME, RULES, SEGMENTS, descriptor_set
-from showc.processes import side_by_side
 from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Segment
 from showc.verify.report import Check, agreement
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from showc.log.container import LogFile
 
@@ -77,8 +76,10 @@ def check_schemas(log: LogFile) -> Check:
     return agreement("VRF103", bad)
 
 
-def read_show(log: LogFile, jobs: int | None = 1) -> LoggedShow:
-    """Decode rules, segments and all polynomials: segments are decoded side by side.
+def decoding(
+    log: LogFile,
+) -> tuple[list[Callable[[], PieceTable]], Callable[[list[PieceTable]], LoggedShow]]:
+    """Return what decodes each segment, and what makes a show of all that they return.
 
     Raises
     ------
@@ -101,10 +102,12 @@ def read_show(log: LogFile, jobs: int | None = 1) -> LoggedShow:
     if (sorted(drones.values()), many) != wanted:
         raise Damage(0, "there is not one trajectory of each drone in each segment")
     times = log.times(*_on(log, SEGMENTS)).tolist()
-    flown = (partial(_flown, log, times, k, drones) for k in range(len(times)))
-    tables = side_by_side([*flown], jobs)
-    goals = (np.array(one.goals).reshape(-1, 3) for one in messages)
-    return LoggedShow(rules, tuple(map(Segment, messages, tables, goals)), epoch)
+
+    def joined(tables: list[PieceTable]) -> LoggedShow:
+        goals = (np.array(one.goals).reshape(-1, 3) for one in messages)
+        return LoggedShow(rules, tuple(map(Segment, messages, tables, goals)), epoch)
+
+    return [partial(_flown, log, times, k, drones) for k in range(len(times))], joined
 
 
 def _on(log: LogFile, topic: str) -> set[int]:

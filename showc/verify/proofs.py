@@ -14,7 +14,7 @@ from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME, ADDITIONS, METADATA_NAME
 from showc.processes import side_by_side
 from showc.progress import Progress, Silent
-from showc.verify.decode import check_schemas, read_show
+from showc.verify.decode import check_schemas, decoding
 from showc.verify.kernel.certificates import certified, closest_claims, excess
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
@@ -79,8 +79,10 @@ def verify_log(
         metadata = dict(log.metadata).get(METADATA_NAME)
         if metadata is None:
             raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
-        anchor, asked, checks = read_anchor(log, metadata, script)
-        show = read_show(log, jobs)
+        segments, joined = decoding(log)
+        reading: Any = partial(read_anchor, log, metadata, script)
+        read, *tables = side_by_side([reading, *segments], jobs)
+        (anchor, asked, checks), show = read, joined(tables)
         # Missions have the longest part: begun last, it would keep one process alone.
         rooms = [*_rooms(log, metadata, show, asked, missions=missions)][::-1]
         parts = [part for work, _ in rooms for part in work]

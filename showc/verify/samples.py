@@ -21,18 +21,19 @@ import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from google.protobuf.message import DecodeError
+from numpy.lib.recfunctions import structured_to_unstructured
 
 from showc.documents.values import unlike
 from showc.light.colour import drive_bytes, srgb_bytes
 from showc.log import sample
 from showc.log.scene import fleet_transforms, point_cloud, root_transform, scene_update
 from showc.log.schema import FLEET, PREDICTED, RULES, SCENE, SEGMENTS, TRANSFORMS
-from showc.verify.kernel.bernstein import values
+from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.slices import Tracks
 from showc.verify.report import Check, Place, checked
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from google.protobuf.message import Message as ProtobufMessage
     from numpy.typing import NDArray
@@ -75,44 +76,49 @@ _AT_ONCE = 8192
 
 
 def flown(show: LoggedShow, times: FloatArray) -> FloatArray:
-    """State and control (16, n, drones) at show times (n,) [s].
+    """State and control (n, drones, 16) at show times (n,) [s].
 
     At the joint of two segments the later one counts; before the first one a drone is
     as at its start, after the last one as at its end.
     """
-    result = np.empty((16, times.size, show.drones))
+    result = np.empty((times.size, show.drones, 16))
     starts = np.array([segment.start for segment in show.segments])
     number = np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
     for chosen in np.unique(number).tolist():
-        at = np.flatnonzero(number == chosen)
-        segment = show.segments[chosen]
-        result[:, at] = evaluate(segment.table, times[at] - segment.start)
+        at, segment = np.flatnonzero(number == chosen), show.segments[chosen]
+        result[at] = evaluate(segment.table, times[at] - segment.start)
     return result
 
 
 def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
-    """State and control (16, n, drones of the table) at times (n,) of a segment [s].
+    """State and control (n, drones of the table, 16) at times (n,) of a segment [s].
 
-    Of a table with fewer columns, those that it has.
-
-    At the joint of two mesh intervals the later one counts.
+    Of a table with fewer columns, those that it has. At the joint of two mesh intervals
+    the later one counts.
     """
     drones = np.arange(table.drones.size)
-    columns = table.state.shape[2] + table.control.shape[2]
-    result = np.empty((columns, times.size, drones.size))
-    position = table.state[:, :, :3]
+    both = [some for some in (table.state, table.control) if some.size]
+    result = np.empty((times.size * drones.size, sum(one.shape[2] for one in both)))
     ends = 0.0, float(table.end.max())
-    tracks = Tracks(*ends, table.first, table.start, table.end, position)
+    tracks = Tracks(*ends, table.first, table.start, table.end, table.state[:, :, :3])
     step = max(1, _AT_ONCE // drones.size)
     for begin in range(0, times.size, step):
         part = np.clip(times[begin : begin + step, None], *ends)
         row = tracks.at(drones, part)
         start, end = table.start[row], table.end[row]
-        share = np.clip((part - start) / (end - start), 0.0, 1.0)
-        both = [some for some in (table.state, table.control) if some.size]
-        found = np.concatenate([values(some[row], share) for some in both], axis=2)
-        result[:, begin : begin + step] = np.moveaxis(found, 2, 0)
-    return result
+        share = np.clip((part - start) / (end - start), 0.0, 1.0).ravel()
+        found = result[begin * drones.size :]
+        # Coefficients take longer to be gathered than to be used: once for each row.
+        order = np.argsort(row, axis=None, kind="stable")
+        ranked = row.ravel()[order]
+        first = np.flatnonzero(np.diff(ranked, prepend=-1))
+        count = np.diff(first, append=ranked.size)
+        for many in np.unique(count).tolist():
+            own = first[count == many]
+            at, rows = order[own[:, None] + np.arange(many)], ranked[own]
+            values = [basis(one.shape[1] - 1, share[at]) @ one[rows] for one in both]
+            found[at] = np.concatenate(values, axis=2)
+    return result.reshape(times.size, drones.size, -1)
 
 
 @dataclass(slots=True)
@@ -127,15 +133,13 @@ class Compared:
     """What is wrong besides numbers."""
 
     def see(self, ratio: FloatArray, times: FloatArray, drones: IntArray) -> None:
-        """Look at errors over what is allowed, (fields, n), at times of drones."""
+        """Look at errors over what is allowed, (n, fields), at times of drones."""
         self.samples += ratio.size
-        worst_of = ratio.max(axis=0)
-        worst_of[np.isnan(worst_of)] = np.inf
-        top = float(worst_of.max(initial=0.0))
-        if top > 1.0:
-            self.bad += int(np.sum(~(ratio <= 1.0)))
-        if top > self.value:
-            at, self.value = int(np.argmax(worst_of)), top
+        top = float(ratio.max(initial=0.0))
+        self.bad += 0 if top <= 1.0 else int(np.sum(~(ratio <= 1.0)))
+        if not top <= self.value:
+            worst_of = np.where(np.isnan(ratio), np.inf, ratio).max(axis=1)
+            self.value, at = float(worst_of.max()), int(worst_of.argmax())
             self.where = Place(drone=int(drones[at]) + 1, time=float(times[at]))
 
     def check(self, code: str) -> Check:
@@ -216,8 +220,7 @@ class Samples:
         both = {*names}, others | {*wanted}
         there, asked = (dict.fromkeys(some - {PREDICTED}) for some in both)
         topics.odd += unlike(there, asked, "topics")
-        if len(set(names)) != len(names):
-            topics.odd.append("a topic has two channels")
+        topics.odd += ["a topic has two channels"] * (len({*names}) < len(names))
         for topic, times in wanted.items():
             if not np.array_equal(self.log.times(self.topics.get(topic, -1)), times):
                 found = steps if times is self.times else topics
@@ -258,27 +261,24 @@ class Samples:
     def clouds(self, share: int) -> Found:
         """Compare what is drawn of whole fleets in one share of the file."""
         found: Found = defaultdict(Compared)
-        for topic, code, layout, look in (
-            (FLEET, "VRF122", sample.POINT, self._fleet),
-            (PREDICTED, "VRF127", sample.PLACE, self._predicted),
-        ):
-            messages = self._messages({self.topics.get(topic, -1)}, share, SHARES)
-            while some := [*islice(messages, max(1, _AT_ONCE // self.show.drones))]:
-                points = self._points(some, layout)
-                if points is None:
-                    text = "a point cloud says other things than showc's do"
-                    found[code].odd.append(text)
-                else:
-                    look(found, points, self._since(some))
+        kinds = {
+            self.topics.get(FLEET, -1): ("VRF122", sample.POINT, self._fleet),
+            self.topics.get(PREDICTED, -1): ("VRF127", sample.PLACE, self._predicted),
+        }
+        both = self._messages({*kinds}, share, SHARES)
+        while some := [*islice(both, max(1, 2 * _AT_ONCE // self.show.drones))]:
+            for channel, (code, layout, look) in kinds.items():
+                own = [one for one in some if one.channel == channel]
+                if (points := self._points(own, layout)) is None:
+                    found[code].odd.append("a point cloud is not as showc's are")
+                elif own:
+                    look(found, points, self._since(own))
         return found
 
     def _fleet(self, found: Found, points: NDArray[np.void], times: FloatArray) -> None:
         """Compare points (n, drones) of the fleet at times (n,) [s]."""
-        numbers, colours = (
-            np.stack([points[name].ravel() for name in names])
-            for names in (_NUMBERS, _COLOURS)
-        )
-        self._compare(found, "VRF122", self._every(times), numbers, colours)
+        both = (_columns(points, names) for names in (_NUMBERS, _COLOURS))
+        self._compare(found, "VRF122", self._every(times), *both)
 
     def _predicted(
         self, found: Found, points: NDArray[np.void], times: FloatArray
@@ -288,9 +288,8 @@ class Samples:
         if any(np.any(points[name] != value) for name, value in colours):
             found["VRF127"].odd.append("it has another colour")
         if self.tubes is not None:
-            drawn = np.stack([points[name] for name in "xyz"])
-            off = self.tubes.outside(times, drawn).reshape(1, -1)
-            found["VRF421"].see(off, *self._every(times))
+            off = self.tubes.outside(times, _columns(points, "xyz"))
+            found["VRF421"].see(off[:, None], *self._every(times))
 
     def _since(self, messages: list[Message]) -> FloatArray:
         """Show times (n,) of messages [s]."""
@@ -314,12 +313,12 @@ class Samples:
             odd = np.flatnonzero(np.any(other, axis=0))
             if odd.size:
                 found["VRF123"].odd.append("a sample is not laid out as showc's are")
-                off = np.full((1, odd.size), np.inf)
+                off = np.full((odd.size, 1), np.inf)
                 found["VRF123"].see(off, times[odd], drones[odd])
                 continue
-            values = np.stack([table[name] for name in _STATE])
-            light = 255.0 * values[16:]
-            self._compare(found, "VRF123", (times, drones), values[:16], light)
+            values = _columns(table, _STATE)
+            light = 255.0 * values[:, 16:]
+            self._compare(found, "VRF123", (times, drones), values[:, :16], light)
         return found
 
     def frames(self) -> Found:
@@ -356,11 +355,10 @@ class Samples:
             with suppress(DecodeError):
                 content = PointCloud.FromString(message.data).data
                 points = np.frombuffer(content if len(content) == size else b"", layout)
-                if points.size and _bytes(point_cloud(message.time, points)) == (
-                    message.data
-                ):
-                    found.append(points)
-        return np.stack(found) if len(found) == len(messages) else None
+                same = _bytes(point_cloud(message.time, points)) == message.data
+                found += [content] * (same and points.size > 0)
+        table = np.frombuffer(b"".join(found), layout).reshape(-1, self.show.drones)
+        return table if len(table) == len(messages) else None
 
     def _compare(
         self,
@@ -372,43 +370,50 @@ class Samples:
     ) -> None:
         """Compare numbers, each at a show time of a drone (n,), ``where``.
 
-        ``values`` are states and controls (16, n), or with a quaternion (17, n);
-        ``shown`` are colour bytes (3, n), or with an alpha that hides nothing (4, n).
+        ``values`` are states and controls (n, 16), or with a quaternion (n, 17);
+        ``shown`` are colour bytes (n, 3), or with an alpha that hides nothing (n, 4).
         """
         (times, drones), encode = where, _ENCODERS[code]
         moments, index = np.unique(times, return_inverse=True)
-        ratio = _ratio(values, flown(self.show, moments)[:, index, drones])
-        late = np.flatnonzero(~(ratio.max(axis=0) <= 1.0))
+        ratio = _ratio(values, flown(self.show, moments)[index, drones])
+        late = np.unique(np.nonzero(~(ratio <= 1.0))[0])
         for side in (-_SIDE, _SIDE) if late.size else ():
             moved, at = np.unique(times[late] + side, return_inverse=True)
-            then = _ratio(values[:, late], flown(self.show, moved)[:, at, drones[late]])
-            ratio[:, late] = np.minimum(ratio[:, late], then)
+            then = _ratio(values[late], flown(self.show, moved)[at, drones[late]])
+            ratio[late] = np.minimum(ratio[late], then)
         found[code].see(ratio, times, drones)
         # A byte may be off by one: the rounding of another library's powers.
-        off = shown.astype(np.float64)
-        off[:3] -= encode(self.lights.linear(moments))[index, drones].T
+        shown[:, :3] -= encode(self.lights.linear(moments))[index, drones]
         # What hides something is no rounding.
-        off[3:] = 2.0 * (off[3:] - 255.0)
-        found["VRF125"].see(np.abs(off), times, drones)
+        shown[:, 3:] = 2.0 * (shown[:, 3:] - 255.0)
+        found["VRF125"].see(np.abs(shown), times, drones)
 
 
 def _bytes(message: ProtobufMessage) -> bytes:
     return message.SerializeToString(deterministic=True)
 
 
+def _columns(table: NDArray[np.void], names: Sequence[str]) -> FloatArray:
+    """Fields of all records, a column each, shape (n, names)."""
+    return structured_to_unstructured(table.ravel()[[*names]], np.float64)
+
+
 def _ratio(values: FloatArray, flown: FloatArray) -> FloatArray:
     """Error over what is allowed, shape of ``values``.
 
-    ``flown`` are states and controls (16, n); ``values`` the same, or (17, n) with a
+    ``flown`` are states and controls (n, 16); ``values`` the same, or (n, 17) with a
     quaternion in place of the angles.
     """
-    expected, turned = flown, len(values) > len(flown)
-    if turned:
-        turn = sample.quaternion(flown[6:9].T).T
-        expected = np.concatenate([flown[:6], turn, flown[9:]])
+    expected, turned = flown, values.shape[1] > flown.shape[1]
     # The change of each quantity within the nanosecond of rounding.
-    fastest = max(float(np.abs(flown[rows]).max()) for rows in ([3, 4, 5], [9, 10, 11]))
+    fastest = max(np.abs(flown[:, k : k + 3]).max() for k in (3, 9))
     drift = 1e-9 * np.array([fastest, 100.0, fastest, 1e3, 1e3, 1e2])
     fixed = np.repeat(0.5 * _STEPS + drift + 1e-9, [3, 3, 3 + turned, 3, 1, 3])
-    allowed = fixed[:, None] + np.abs(expected) * (2.0**-23 + 1e-9)
-    return np.asarray(np.abs(values - expected) / allowed)
+    if turned:
+        turn = sample.quaternion(flown[:, 6:9])
+        expected = np.concatenate([flown[:, :6], turn, flown[:, 9:]], axis=1)
+    off, allowed = np.abs(values - expected), np.abs(expected)
+    allowed *= 2.0**-23 + 1e-9
+    allowed += fixed
+    off /= allowed
+    return np.asarray(off)

@@ -21,7 +21,7 @@ from showc.fleet import SolveOptions  # noqa: E402
 from showc.log.container import open_log  # noqa: E402
 from showc.pipeline.compile import CompileOptions, compile_script  # noqa: E402
 from showc.verify import verify_log  # noqa: E402
-from showc.verify.decode import read_show  # noqa: E402
+from showc.verify.decode import decoding  # noqa: E402
 
 ASKED = 0.02
 """Greatest time over the bound, as a fraction."""
@@ -130,7 +130,8 @@ def measured(case: Case, folder: Path) -> tuple[list[str], bool]:
     solve = SolveOptions(use_cache=False, jobs=1)
     compile_script(path, log, CompileOptions(missions=False, solve=solve))
     proved = not verify_log(log, script=path).failures()
-    segments = read_show(open_log(log)).segments
+    parts, joined = decoding(open_log(log))
+    segments = joined([part() for part in parts]).segments
     kinds = [(one.message.kind, one.message.MOTION) for one in segments]
     motions = {at for at, (kind, motion) in enumerate(kinds) if kind == motion}
     lines, well = [], proved

@@ -6,12 +6,13 @@ import hashlib
 import json
 from collections import Counter
 
+from synthetic import decoded
+
 from showc.log.container import open_log
 from showc.log.writer import write_log
 from showc.mission import mission_files
 from showc.mission.fleet import fleet_token
 from showc.pipeline.compile import build_manifest
-from showc.verify.decode import read_show
 from showc.verify.missions.folder import Missions
 from showc.verify.samples import Samples, join
 from showc.verify.specification.demands import hold_against
@@ -58,7 +59,7 @@ class Case:
                 predicted=self.missions.predicted,
             )
         self.log = open_log(self.path)
-        self.show = read_show(self.log)
+        self.show = decoded(self.log)
         self.script = flight.itinerary.show
         # What lies in the folder, by name.
         self.written = {}

@@ -6,6 +6,7 @@ import shutil
 import numpy as np
 import pytest
 from lies import Log
+from synthetic import decoded
 
 from showc.log import showc_pb2 as pb
 from showc.log.additions import add, digest_of
@@ -13,7 +14,6 @@ from showc.log.container import open_log
 from showc.log.reader import read_log
 from showc.log.schema import ABORT_NAME
 from showc.verify import DamagedLogError, verify_log
-from showc.verify.decode import read_show
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.specification.aborts import Aborts
 from showc.verify.specification.cover import read_anchor
@@ -43,7 +43,7 @@ def told(aborted, place, change):
     file = open_log(log)
     with file.reported():
         script = read_anchor(file, dict(file.metadata)["showc"])[1]
-        proof = Aborts(file, read_show(file), script)
+        proof = Aborts(file, decoded(file), script)
     found = proof.checks([part() for part in proof.parts()])
     return found[0], {one.code: one.verdict != "fail" for one in found}
 
@@ -238,7 +238,7 @@ def test_words_that_no_table_has_are_found(aborted):
     file = open_log(aborted)
     with file.reported():
         script = read_anchor(file, dict(file.metadata)["showc"])[1]
-        proof = Aborts(file, read_show(file), script)
+        proof = Aborts(file, decoded(file), script)
     assert list(proof.strange()) == []
     true = pb.AbortTable.FromString(proof.table.SerializeToString())
     for name, change in WORDS.items():
@@ -286,7 +286,7 @@ def test_a_lie_in_the_table_is_found(aborted, tmp_path, lie):
 def test_a_row_on_the_ground_takes_no_time(aborted, tmp_path, way, duration, right):
     file = open_log(aborted)
     with file.reported():
-        end = read_show(file).duration
+        end = decoded(file).duration
 
     def landed(table):
         row = table.rows[-1]

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from lies import Log
 from verified import loaded, proved_flight, script_of, with_table, written
 
+from showc.foreign.motion import values
 from showc.log import showc_pb2 as pb
 from showc.vehicle.motion import thrust_direction
 from showc.verify import verify_log
@@ -16,7 +17,6 @@ from showc.verify.kernel.bernstein import (
     halves,
     part,
     square_sum,
-    values,
 )
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import allocation, rotor_shares

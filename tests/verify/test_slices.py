@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.verify.kernel.bernstein import values
+from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.slices import Measure, Tracks, edges, near_pairs, take
 
 MEASURES = [
@@ -49,7 +49,8 @@ def places(tracks, times):
         rows = np.arange(tracks.first[drone], tracks.first[drone + 1])
         chosen = rows[np.searchsorted(tracks.starts[rows], times, side="right") - 1]
         share = (times - tracks.starts[chosen]) / (tracks.ends - tracks.starts)[chosen]
-        found[drone] = values(tracks.position[chosen], share)
+        weights = basis(tracks.position.shape[1] - 1, share)
+        found[drone] = np.einsum("nj,njk->nk", weights, tracks.position[chosen])
     return found
 
 

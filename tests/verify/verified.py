@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from synthetic import vertical_flight, vertical_formations
+from synthetic import decoded, vertical_flight, vertical_formations
 
 from showc.log import showc_pb2 as pb
 from showc.log.container import open_log
 from showc.log.writer import write_log
 from showc.pipeline.compile import build_manifest
 from showc.script import read_show as read_script
-from showc.verify.decode import read_show
 from showc.verify.kernel.show import LoggedShow, PieceTable, Segment
 
 SCRIPT = """\
@@ -89,7 +88,7 @@ def written(flight, path, manifest=None):
 
 def loaded(path):
     log = open_log(path)
-    return log, read_show(log)
+    return log, decoded(log)
 
 
 def with_table(show: LoggedShow, number: int, **changes) -> LoggedShow:

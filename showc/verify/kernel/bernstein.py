@@ -105,12 +105,6 @@ def product(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.asarray(result / binomials(m + n))
 
 
-def values(coefficients: FloatArray, fraction: FloatArray) -> FloatArray:
-    """Values at one ``fraction`` (..., n) each; shape (..., n, components)."""
-    weights = basis(coefficients.shape[-2] - 1, fraction)
-    return np.asarray(np.matmul(weights[..., None, :], coefficients)[..., 0, :])
-
-
 @dataclass(frozen=True, slots=True)
 class Least:
     """The least value over some intervals, enclosed."""

@@ -71,8 +71,8 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Segment as SegmentMessage
     from showc.verify.kernel.separation import Encounter
 
-CELLS = 4096
-"""Cells on each stretch between two knots."""
+CELLS = 512
+"""Cells on each stretch between two knots: eight times as many prove 1 % more."""
 
 UNIT = 2.0**-53
 """Unit roundoff u of float64."""

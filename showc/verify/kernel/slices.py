@@ -202,8 +202,9 @@ def near_pairs(
         one = np.repeat(np.arange(count), many)
         begin = np.cumsum(many) - many
         other = np.arange(one.size) + np.repeat(first - begin, many)
-        found.append(np.column_stack([order[one], order[other]]))
-    return np.sort(np.concatenate(found), axis=1)
+        found.append([order[one], order[other]])
+    pairs = np.concatenate(found, axis=1)
+    return np.column_stack([pairs.min(axis=0), pairs.max(axis=0)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

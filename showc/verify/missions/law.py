@@ -18,7 +18,7 @@ from showc.codes import read_table
 from showc.verify.missions.language import MissionFormatError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -76,10 +76,10 @@ class Profiles:
     speed: FloatArray
     """Cruise speed, shape (n,) [m/s]."""
     edges: FloatArray
-    """When the phases begin, and the last one ends, shape (n, 16) [s]."""
+    """When the phases begin, and the last one ends, shape (16, n) [s]."""
     phases: FloatArray
-    """Each phase: distance, speed, acceleration at its begin, c0 and c1 [m/s³], and
-    pi / tau [1/s], shape (n, 15, 6)."""
+    """Distance, speed, acceleration at the begin of each phase, c0 and c1 [m/s³], and
+    pi / tau [1/s], shape (6, 15, n)."""
     level: FloatArray
     """Horizontal part of the direction, shape (n,): how late a drone follows."""
     overshoot: FloatArray
@@ -94,7 +94,7 @@ class Profiles:
     @property
     def duration(self) -> FloatArray:
         """Time of each leg, shape (n,) [s]."""
-        return self.edges[:, -1]
+        return np.asarray(self.edges[-1])
 
     def law_time(self, leg: IntArray, since: ArrayLike) -> FloatArray:
         """Time of the law at which drones on legs ``leg`` (m,) are now, shape (m,) [s].
@@ -114,9 +114,12 @@ class Profiles:
         late = self.law_time(leg, low) - self.spread[leg]
         early = self.law_time(leg, high) + self.spread[leg]
         (rear, before), (front, after) = (self.share(leg, t) for t in (late, early))
+        slow, fast = np.minimum(before, after), np.maximum(before, after)
         # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
-        _, fast = self.share(leg, np.clip(0.5 * self.duration[leg], late, early))
-        return Covered(rear, front, np.minimum(before, after), fast)
+        middle = 0.5 * self.duration[leg]
+        rows = np.flatnonzero((late < middle) & (middle < early))
+        fast[rows] = self.share(leg[rows], middle[rows])[1]
+        return Covered(rear, front, slow, fast)
 
     def followed(self, late: float | FloatArray) -> FloatArray:
         """Time (n,) [s] since its release at which each leg has surely been flown.
@@ -137,10 +140,9 @@ class Profiles:
         # Many drones rest, before their legs or after them.
         flies = np.flatnonzero((time > 0.0) & (time < self.duration[leg]))
         own, t = leg[flies], time[flies]
-        edges = self.edges[own]
-        phase = np.count_nonzero(t[:, None] >= edges[:, 1:-1], axis=1)
-        since = t - edges[np.arange(t.size), phase]
-        flown, speed, _ = _advanced(self.phases[own, phase].T, since) / self.length[own]
+        phase = sum((t >= edge[own] for edge in self.edges[1:-1]), 0 * own)
+        moved = _advanced(self.phases[:, phase, own], t - self.edges[phase, own])
+        flown, speed, _ = np.divide(moved, self.length[own])
         way[flies], rate[flies] = np.clip(flown, 0.0, 1.0), np.maximum(speed, 0.0)
         return way, rate
 
@@ -155,8 +157,8 @@ def profiles(
     """Return the legs of ``displacement`` (n, 3) [m] in the autopilot's metric.
 
     ``level`` and ``vertical`` (n,) [m/s] are the speeds in force, ``wind`` [m/s] is
-    what the script states. Along a line, speed
-    and acceleration are the greatest that keep the horizontal and the vertical limits.
+    what the script states. Along a line, speed and acceleration are the greatest that
+    keep the horizontal and the vertical limits.
     """
     length = np.linalg.norm(displacement, axis=1)
     length = np.where(length > _SHORTEST, length, 0.0)
@@ -237,20 +239,19 @@ def _assembled(
         *down, (push, 0.0, 0.0), *up,
     ]  # fmt: skip
     spans = np.stack([np.where(moving, time, none) for time, _, _ in phases])
-    edges = np.zeros((length.size, len(phases) + 1))
-    np.cumsum(spans.T, axis=1, out=edges[:, 1:])
-    found = np.empty((length.size, len(phases), 6))
-    state = np.zeros((3, length.size))
+    edges = np.zeros((len(phases) + 1, length.size))
+    np.cumsum(spans, axis=0, out=edges[1:])
+    found = np.empty((6, len(phases), length.size))
+    state: Sequence[FloatArray] = (none, none, none)
     for number, (tau, (_, c0, c1)) in enumerate(zip(spans, phases, strict=True)):
         turn = np.pi / np.where(tau > 0.0, tau, 1.0)
-        phase = np.stack([*state, c0 * jerk, c1 * jerk, turn])
-        found[:, number] = phase.T
+        phase = found[:, number] = np.stack([*state, c0 * jerk, c1 * jerk, turn])
         state = _advanced(phase, tau)
     return edges, found
 
 
-def _advanced(phase: FloatArray, since: FloatArray) -> FloatArray:
-    """Distance, speed, acceleration (3, n) after ``since`` (n,) of ``phase`` (6, n)."""
+def _advanced(phase: FloatArray, since: FloatArray) -> Sequence[FloatArray]:
+    """Distance, speed, acceleration (n,) after ``since`` (n,) of ``phase`` (6, n)."""
     distance, speed, push, c0, c1, turn = phase
     angle = turn * since
     # Integrals of the cosine.
@@ -259,8 +260,7 @@ def _advanced(phase: FloatArray, since: FloatArray) -> FloatArray:
     distance = distance + since * (speed + since * (0.5 * push + since * (c0 / 6.0)))
     speed = speed + since * (push + since * (0.5 * c0))
     push = push + since * c0
-    waves = c1 * np.stack([thrice, twice, once])
-    return np.asarray(np.stack([distance, speed, push]) + waves)
+    return distance + c1 * thrice, speed + c1 * twice, push + c1 * once
 
 
 def parameters(show: Show) -> dict[str, float]:

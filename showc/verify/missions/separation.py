@@ -306,13 +306,13 @@ class Tubes:
         self.last = float(np.max(ends, initial=0.0, where=np.isfinite(ends)))
         """When the last timed leg has been flown [s]."""
 
-    def outside(self, times: FloatArray, drawn: FloatArray) -> FloatArray:
-        """How far off each drone is ``drawn`` (3, m, n) [m], over what is allowed.
+    def outside(self, times: FloatArray, place: FloatArray) -> FloatArray:
+        """How far off each drone is drawn, over what is allowed, shape (m n,).
 
-        ``times`` (m,) [s]; the result (m, n), no number where undefined.
+        ``place`` (m n, 3) [m] are those of n drones at ``times`` (m,) [s], one time
+        after the other; the result is no number where undefined.
         """
         fleet, table = self._fleet, self._fleet.profiles
-        place = drawn.reshape(3, -1).T
         drone = np.tile(np.arange(fleet.drones), times.size)
         first, last = fleet.first[drone], fleet.first[drone + 1] - 1
         count = (self._released <= times[:, None, None]).sum(axis=2).ravel()
@@ -336,4 +336,4 @@ class Tubes:
         off[rows] = np.minimum(lands, off[rows])
         speed = covered.fast * table.length[leg]
         allowed = CONSTANTS["beside"] + CONSTANTS["beside_fast"] * speed
-        return np.asarray((off / allowed).reshape(times.size, fleet.drones))
+        return np.asarray(off / allowed)

@@ -223,7 +223,7 @@ class Aborts:
         """Say what is wrong with where a row begins, and where it ends."""
         script, site = self.script, self.script.site
         now = min(max(row.rest, 0.0), self.logged.duration)
-        places = flown(self.logged, np.array([now]))[:3, 0].T
+        places = flown(self.logged, np.array([now]))[0, :, :3]
         pads = script.formations[script.pads].points[: len(places)]
         goals = places * (1.0, 1.0, 0.0) + (0.0, 0.0, pads[:, 2].min())
         taken = [people.points for people in site.audience if people.area]

@@ -125,7 +125,7 @@ def _strayed(
     alone = replace(some, state=position, control=some.control[:, :, :0])
     far = np.zeros(bends.size)
     for at in np.array_split(np.linspace(0.0, duration, count), ceil(count / _AT_ONCE)):
-        off = np.moveaxis(evaluate(alone, at), 0, 2) - mine.positions(duration, at)
+        off = evaluate(alone, at) - mine.positions(duration, at)
         far = np.maximum(far, np.linalg.norm(off, axis=2).max(axis=0))
     return far + bends * (duration / (count - 1)) ** 2 / 8.0, missed
 
@@ -242,7 +242,7 @@ class Lanes:
 
     def at(self, drones: IntArray, time: float) -> FloatArray:
         """States of drones (n,) at a show time [s], shape (n, 12) (SI)."""
-        return flown(self.logged, np.array([time]))[:12, 0, drones].T
+        return flown(self.logged, np.array([time]))[0, drones, :12]
 
     def _unlike(
         self, drones: IntArray, claims: list[pb.Move], flights: list[Flight]
