@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from math import cos, radians, sin
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from showc.log.schema import FRAME, ROOT_FRAME, drone_name
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -59,19 +60,25 @@ def fence_corners(site: Site) -> FloatArray:
 
 def point_cloud(ns: int, points: NDArray[np.void]) -> PointCloud:
     """One step of a fleet; ``points`` (drones,) is ``POINT`` or ``PLACE``."""
-    kinds = {"f": PackedElementField.FLOAT32, "u": PackedElementField.UINT8}
-    fields: Mapping[str, tuple[Any, ...]] = points.dtype.fields or {}
     return PointCloud(
         timestamp=stamp(ns),
         frame_id=FRAME,
         pose=_pose(0.0, 0.0, 0.0),
         point_stride=points.dtype.itemsize,
-        fields=[
-            PackedElementField(name=name, offset=entry[1], type=kinds[entry[0].kind])
-            for name, entry in fields.items()
-        ],
+        fields=_fields(points.dtype),
         data=points.tobytes(),
     )
+
+
+@cache
+def _fields(layout: np.dtype[np.void]) -> Sequence[PackedElementField]:
+    """Return what a point consists of: the same at every step."""
+    kinds = {"f": PackedElementField.FLOAT32, "u": PackedElementField.UINT8}
+    fields: Mapping[str, tuple[Any, ...]] = layout.fields or {}
+    return [
+        PackedElementField(name=name, offset=entry[1], type=kinds[entry[0].kind])
+        for name, entry in fields.items()
+    ]
 
 
 def root_transform(ns: int, site: Site) -> FrameTransform:
