@@ -57,6 +57,16 @@ def test_drones_fly_through_a_wall_of_others_that_hover():
     assert found.certificate.gap < 0.003
 
 
+@pytest.mark.parametrize("count", [6, 8])
+def test_few_that_exchange_places_across_a_ring_take_no_longer(count):
+    turn = 2.0 * np.pi * np.arange(count) / count
+    ring = 6.0 * np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
+    height = np.array([0.0, 0.0, 12.0])
+    found, _ = fly(ring + height, height - ring)
+    # The first time that is tried is 0.1 % over the minimum.
+    assert found.certificate.gap < 0.0015
+
+
 def test_two_great_teams_that_change_sides_pass_in_layers():
     rows = np.array(
         [[2.2 * x + 6.0, 2.2 * y, 30.0] for x in range(10) for y in range(10)]
