@@ -249,6 +249,13 @@ def test_start_up_is_light(statement):
     assert loaded(statement) & heavy == set()
 
 
+def test_verify_reads_no_exports_where_a_script_asks_for_none(compiled):
+    log = str(compiled("lanes"))
+    modules = loaded(f"from showc.__main__ import run; run(['verify', {log!r}, '-q'])")
+    assert "showc.verify.proofs" in modules
+    assert modules & {"showc.export.beside", "scipy.spatial"} == set()
+
+
 def room_of(path):
     """The first room of verify that a file belongs to."""
     name = path.relative_to(PACKAGE).as_posix()

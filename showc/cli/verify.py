@@ -117,8 +117,13 @@ def _proved(
         )
         if not missions:
             return verification
+        from showc.export.asked import show_with_exports
+
+        show = show_with_exports(log)
+        if show is None:
+            return verification
         from showc.export.beside import verify_beside
 
         watcher.stage("checking exports beside the log")
-        checks = (*verification.checks, *verify_beside(log))
+        checks = (*verification.checks, *verify_beside(log, show))
         return replace(verification, checks=checks)

@@ -15,7 +15,6 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from mcap.reader import make_reader
 
 from showc.documents.archive import LARGEST_FILE
 from showc.documents.values import parse_json, unlike
@@ -38,7 +37,7 @@ from showc.export.stage import (
 )
 from showc.export.tables import CSV_STEP
 from showc.export.takeoff import slowed
-from showc.files import UnreadableFileError, open_file, read_file
+from showc.files import UnreadableFileError, read_file
 from showc.foreign.folder import (
     MANIFEST,
     MAPS,
@@ -53,9 +52,6 @@ from showc.foreign.reading import read_show as read_foreign
 from showc.foreign.verdict import damaged
 from showc.log.additions import digest_of
 from showc.log.reader import read_log
-from showc.log.schema import METADATA_NAME
-from showc.script import read_show
-from showc.script.language.document import Mapping, parse_document
 from showc.verify.report import NAMED, Check, Place
 
 if TYPE_CHECKING:
@@ -65,7 +61,7 @@ if TYPE_CHECKING:
 
     from showc.export.solved import SolvedShow
     from showc.foreign.show import ForeignShow
-    from showc.script.show import Export
+    from showc.script.show import Export, Show
 
 UNLIT = {"poly7", "crazyflie"}
 """Formats without lights."""
@@ -81,34 +77,21 @@ ROUNDING = 1e-6
 """How far rounding may carry a written flight beyond the tolerance [m]."""
 
 
-def verify_beside(log: Path) -> list[Check]:
+def verify_beside(log: Path, show: Show) -> list[Check]:
     """Prove the exports that the script in a log asks for.
 
     Parameters
     ----------
     log
         A log that is proved itself; its exports lie in folders beside it.
+    show
+        The show of its script.
 
     Returns
     -------
     list
-        Checks of all exports, each under the heading of its format; none where the
-        script asks for no exports.
+        Checks of all exports, each under the heading of its format.
     """
-    # Most shows ask for none: the index leads to the script, the rest stays unread.
-    with open_file(log) as stream:
-        reader = make_reader(stream)
-        metadata = {one.name: one.metadata for one in reader.iter_metadata()}
-        attached = {one.name: one.data for one in reader.iter_attachments()}
-    name = metadata.get(METADATA_NAME, {}).get("script", "")
-    script = attached.pop(name, b"")
-    # Its places take longer to work out than the question whether it names any.
-    root, *_ = parse_document(script, name)
-    if not isinstance(root, Mapping) or root.get("exports") is None:
-        return []
-    show = read_show(script, path=name, attached=attached).show
-    if show is None or not show.exports:
-        return []
     digest = digest_of(log)
     solved = solved_show(read_log(log), show)
     return [

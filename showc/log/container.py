@@ -12,15 +12,15 @@ import mmap
 import struct
 import zlib
 from collections import Counter, defaultdict
-from contextlib import contextmanager
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
 from hashlib import sha256
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import zstandard
 
 from showc.errors import UsageError
 from showc.files import UnreadableFileError, open_file
@@ -35,6 +35,7 @@ from showc.log.records import (
     Schema,
     encoded,
     fields,
+    inflate,
     next_record,
 )
 
@@ -43,12 +44,10 @@ if TYPE_CHECKING:
 
     from showc.arrays import IntArray
 
+    _Unpacked = tuple[tuple[int, int], bytes, tuple[Any, ...]]
+
 LARGEST_FILE = 8 << 30
 """Size from which a log is refused [bytes]: an hour of 1,000 drones has half of it."""
-
-LARGEST_CHUNK = 1 << 26
-"""Greatest uncompressed size of a chunk that is read [bytes]: sixty times what showc
-writes, and no bomb gets further."""
 
 LARGEST_UNPACKED = 16 << 30
 """Size of all chunks together from which a log is refused [bytes]."""
@@ -68,6 +67,9 @@ for single drones."""
 
 MOST_RECORDS = 500_000
 """Records beside messages from which a log is refused: twice what such a log has."""
+
+_AHEAD = 3
+"""Chunks that are unpacked or wait for being walked, at most: bounds the memory."""
 
 _TIES_ALLOWED = {"/show/segments", "/tf"}
 """Topics on which several messages may have one time: concurrent segments, and frames
@@ -192,39 +194,6 @@ class LogFile:
             self.view.obj.madvise(mmap.MADV_DONTNEED)
 
 
-@lru_cache(maxsize=1)
-def _unpacker() -> zstandard.ZstdDecompressor:
-    # Its tables take longer to make than a small chunk to unpack.
-    return zstandard.ZstdDecompressor(max_window_size=LARGEST_CHUNK)
-
-
-def inflate(view: memoryview, span: tuple[int, int], size: int) -> bytes:
-    """Return the uncompressed data of a chunk.
-
-    Raises
-    ------
-    Damage
-        If they are no single frame of zstd, or not of the declared size.
-    """
-    packed = view[slice(*span)]
-    if size > LARGEST_CHUNK:
-        text = f"a chunk claims {size:,} bytes; more than {LARGEST_CHUNK:,} are refused"
-        raise Damage(span[0], text)
-    try:
-        declared = zstandard.get_frame_parameters(packed).content_size
-        if declared != size:
-            raise Damage(span[0], f"a chunk of {size:,} bytes declares {declared:,}")
-        unpacker = _unpacker().decompressobj()
-        data = unpacker.decompress(packed)
-    except (zstandard.ZstdError, MemoryError, ValueError) as error:
-        raise Damage(span[0], f"a chunk does not unpack ({error})") from error
-    if not unpacker.eof or unpacker.unused_data:
-        raise Damage(span[0], "a chunk is no single frame from its start to its end")
-    if len(data) != size:
-        raise Damage(span[0], f"a chunk unpacks to {len(data):,} bytes, not {size:,}")
-    return data
-
-
 def open_log(source: Path | bytes) -> LogFile:
     """Read every byte of a file, or of a log in memory, with all its contents located.
 
@@ -254,15 +223,18 @@ def open_log(source: Path | bytes) -> LogFile:
 
 
 def _walked(log: LogFile) -> LogFile:
-    with log.reported():
-        return _Walk(log).run()
+    with log.reported(), ThreadPoolExecutor(1) as thread:
+        return _Walk(log, thread).run()
 
 
 class _Walk:
-    """One pass over the file."""
+    """One pass over the file; ``thread`` unpacks a chunk while another is walked."""
 
-    def __init__(self, log: LogFile) -> None:
-        self.log, self.view = log, log.view
+    def __init__(self, log: LogFile, thread: ThreadPoolExecutor) -> None:
+        self.log, self.view, self.thread = log, log.view, thread
+        self.begun: dict[int, Future[_Unpacked]] = {}
+        """Chunks that are being unpacked, by their places in the file."""
+        self.ahead = self._ahead()
         self.index: dict[Opcode, list[tuple[Any, ...]]] = {
             Opcode.CHUNK_INDEX: [],
             Opcode.ATTACHMENT_INDEX: [],
@@ -361,12 +333,11 @@ class _Walk:
 
     def _chunk(self, record: Record) -> Record:
         """Take a chunk and the message indexes after it."""
-        start, end, size, crc, compression, packed = fields(self.view, record)
-        position, span = record.position, (record.stop - len(packed), record.stop)
-        if compression != "zstd":
-            raise Damage(position, f"a chunk is packed with {compression!r}, not zstd")
-        data = inflate(self.view, span, size)
-        self._crc(crc, data, position, "a chunk")
+        for one in islice(self.ahead, _AHEAD - len(self.begun)):
+            self.begun[one.position] = self.thread.submit(self._unpack, one)
+        position, work = record.position, self.begun.pop(record.position, None)
+        work = work or self.thread.submit(self._unpack, record)
+        span, data, (start, end, size, _, compression, packed) = work.result()
         self.unpacked += size
         if self.unpacked > LARGEST_UNPACKED:
             raise Damage(position, "the chunks up to here are too large in sum")
@@ -396,6 +367,29 @@ class _Walk:
             )
         )
         return self._next(at)
+
+    def _unpack(self, record: Record) -> _Unpacked:
+        """Return where a chunk's data lie, what they unpack to, and its fields."""
+        found = fields(self.view, record)
+        _, _, size, crc, compression, packed = found
+        position, span = record.position, (record.stop - len(packed), record.stop)
+        if compression != "zstd":
+            raise Damage(position, f"a chunk is packed with {compression!r}, not zstd")
+        data = inflate(self.view, span, size)
+        self._crc(crc, data, position, "a chunk")
+        return span, data, found
+
+    def _ahead(self) -> Iterator[Record]:
+        """Find the chunks, ahead of all else that is held against the file."""
+        position, left = len(MAGIC), MOST_RECORDS
+        # Whatever is wrong there, is found when it is its turn.
+        with suppress(Damage):
+            while left:
+                record = next_record(self.view, position)
+                position, left = record.stop, left - 1
+                if record.opcode == Opcode.CHUNK:
+                    left = MOST_RECORDS
+                    yield record
 
     def _places(
         self, data: bytes, entries: dict[int, bytearray]

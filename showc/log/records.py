@@ -8,13 +8,20 @@ from __future__ import annotations
 import struct
 from contextlib import suppress
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any, NamedTuple
+
+import zstandard
 
 from showc.errors import DamagedFileError, escaped
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
 """What every record starts with: opcode, length of the content."""
+
+LARGEST_CHUNK = 1 << 26
+"""Greatest uncompressed size of a chunk that is read [bytes]: sixty times what showc
+writes, and no bomb gets further."""
 
 
 class Opcode(IntEnum):
@@ -217,3 +224,34 @@ def _field(kind: str, value: Any) -> bytes:  # noqa: ANN401 - whatever the kind 
     content: bytes = value.encode() if kind == "text" else value
     size = kind[-1] if kind.startswith("bytes") else "4"
     return _field(size, len(content)) + content
+
+
+@lru_cache(maxsize=1)
+def _unpacker() -> zstandard.ZstdDecompressor:
+    # Its tables take longer to make than a small chunk to unpack.
+    return zstandard.ZstdDecompressor(max_window_size=LARGEST_CHUNK)
+
+
+def inflate(view: memoryview, span: tuple[int, int], size: int) -> bytes:
+    """Return the uncompressed data of a chunk; by one thread at a time.
+
+    Raises
+    ------
+    Damage
+        If they are no single frame of zstd, or not of the declared size.
+    """
+    packed = view[slice(*span)]
+    # An empty frame is returned before what follows it is looked at.
+    if not 0 < size <= LARGEST_CHUNK:
+        text = f"a chunk claims {size:,} bytes; none or over {LARGEST_CHUNK:,} are"
+        raise Damage(span[0], f"{text} refused")
+    try:
+        declared = zstandard.get_frame_parameters(packed).content_size
+        if declared != size:
+            raise Damage(span[0], f"a chunk of {size:,} bytes declares {declared:,}")
+        data = _unpacker().decompress(packed, size, allow_extra_data=False)
+    except (zstandard.ZstdError, MemoryError, ValueError) as error:
+        raise Damage(span[0], f"a chunk does not unpack ({error})") from error
+    if len(data) != size:
+        raise Damage(span[0], f"a chunk unpacks to {len(data):,} bytes, not {size:,}")
+    return bytes(data)

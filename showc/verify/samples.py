@@ -71,7 +71,7 @@ _STEPS = np.array(list(sample.GRID.values()))
 _LARGEST = 256
 """Bytes of each drone in a message from which it is not read: frames have 100."""
 
-_AT_ONCE = 8192
+_AT_ONCE = 16384
 """Places on polynomials that are evaluated together; bounds the memory."""
 
 

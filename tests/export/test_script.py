@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from showc.cli.compile import command
 from showc.cli.verify import command as verify
 from showc.errors import UsageError
+from showc.export.asked import show_with_exports
 from showc.export.beside import verify_beside
 from showc.export.skyc import Entry, archive
 from showc.export.solved import solved_show
@@ -106,12 +107,16 @@ def beside(compiled, tmp_path):
 
 def failed(log, form=""):
     """Codes of checks that fail, of one format or of all."""
-    found = (one for one in verify_beside(log) if one.group.endswith(form))
+    found = (
+        one
+        for one in verify_beside(log, show_with_exports(log))
+        if one.group.endswith(form)
+    )
     return {check.code for check in found if check.verdict == "fail"}
 
 
 def test_verify_of_a_log_proves_the_exports_beside_it(beside):
-    checks = verify_beside(beside)
+    checks = verify_beside(beside, show_with_exports(beside))
     assert failed(beside) == set()
     groups = {check.group for check in checks}
     assert groups == {"export kml", "export crazyflie", "export skyb"}

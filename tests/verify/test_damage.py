@@ -5,11 +5,13 @@ import zlib
 from contextlib import suppress
 
 import pytest
+import zstandard
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from showc.errors import DamagedFileError, UsageError
 from showc.log.container import open_log
+from showc.log.records import Damage, inflate
 from showc.verify import DamagedLogError, verify_log
 
 HEAD = struct.Struct("<BQ")
@@ -243,6 +245,29 @@ def test_a_bomb_is_not_unpacked(whole, tmp_path):
     path.write_bytes(data)
     with pytest.raises(DamagedLogError, match="refused"):
         verify_log(path, missions=False)
+
+
+FRAME = zstandard.ZstdCompressor().compress(b"place" * 9)
+EMPTY = zstandard.ZstdCompressor().compress(b"")
+
+
+@pytest.mark.parametrize(
+    ("packed", "size"),
+    [
+        (FRAME + b"x", 45),
+        (FRAME + FRAME, 45),
+        (FRAME + FRAME, 90),
+        (FRAME[:-1], 45),
+        (FRAME, 44),
+        (EMPTY, 0),
+        (EMPTY + b"x", 0),
+        (b"", 0),
+    ],
+)
+def test_a_chunk_is_a_single_frame_of_its_size(packed, size):
+    assert inflate(memoryview(FRAME), (0, len(FRAME)), 45) == b"place" * 9
+    with pytest.raises(Damage):
+        inflate(memoryview(b"--" + packed), (2, 2 + len(packed)), size)
 
 
 @pytest.mark.parametrize(
