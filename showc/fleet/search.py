@@ -243,7 +243,7 @@ class Search:
             return self._growth(repair, gap) * gap
         found = repair.soonest
         if found is None:
-            (found,) = self.workers.run(quickest, [(repair.crowd,)], _unheard)
+            found = quickest(repair.crowd, self.workers)
             self.work += found.work / PRODUCTS
         self.ways = repair.ways(found)
         return max(found.duration / least - 1.0, gap + _SOON)

@@ -39,11 +39,15 @@ class _Bundle:
     def __init__(self, rows: Sequence[int], parts: list[PiecewisePolynomial]) -> None:
         self.rows = np.array(rows)
         self.degree = parts[0].degree
-        self.breaks = [part.breaks for part in parts]
+        # Of a great fleet many drones have the same mesh.
+        meshes = {part.breaks.tobytes(): part.breaks for part in parts}
+        self.meshes = list(meshes.values())
+        number = {name: row for row, name in enumerate(meshes)}
+        self.mesh = np.array([number[part.breaks.tobytes()] for part in parts])
         counts = np.array([part.intervals for part in parts])
         self.first = np.concatenate([[0], np.cumsum(counts)[:-1]])
         self.left = np.concatenate([part.breaks[:-1] for part in parts])
-        self.width = np.concatenate([np.diff(part.breaks) for part in parts])
+        self.width = np.concatenate([part.breaks[1:] for part in parts]) - self.left
         # Coefficient index first: the sum over it then runs over whole arrays.
         self.coefficients = np.ascontiguousarray(
             np.concatenate([part.coefficients for part in parts]).transpose(1, 0, 2)
@@ -51,13 +55,10 @@ class _Bundle:
 
     def __call__(self, time: FloatArray) -> FloatArray:
         """Values at leg times (T,) [s], shape (T, drones of the bundle, components)."""
-        index = np.stack(
-            [
-                first + np.searchsorted(breaks[1:-1], time, side="right")
-                for first, breaks in zip(self.first, self.breaks, strict=True)
-            ],
-            axis=1,
-        ).ravel()
+        within = [
+            np.searchsorted(breaks[1:-1], time, side="right") for breaks in self.meshes
+        ]
+        index = (np.stack(within, axis=1)[:, self.mesh] + self.first).ravel()
         moment = np.repeat(time, self.rows.size)
         fraction = np.clip((moment - self.left[index]) / self.width[index], 0.0, 1.0)
         components = self.coefficients.shape[2]

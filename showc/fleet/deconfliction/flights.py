@@ -127,6 +127,10 @@ class Work:
         found: Untangled
         (found,) = self.workers.run(function, [task], _unheard)
         self.count("untangled")
+        return self.worked(found)
+
+    def worked(self, found: Untangled) -> Untangled:
+        """Add what changes of a crowd took to what was done."""
         self.done += found.work / PRODUCTS
         return found
 

@@ -18,7 +18,13 @@ from showc.fleet.deconfliction.crowd import Allowed, Crowd, Planes, sampled
 from showc.fleet.deconfliction.enclosure import Detour, fence_walls
 from showc.fleet.deconfliction.flights import Flights, Work
 from showc.fleet.deconfliction.independent import Independent
-from showc.fleet.deconfliction.untangling import OF_MANY, untangle, untangle_near
+from showc.fleet.deconfliction.untangling import (
+    OF_MANY,
+    hopeless,
+    quickest,
+    untangle,
+    untangle_near,
+)
 from showc.fleet.deconfliction.walls import interpolated
 from showc.fleet.single_drone.common_time import OPTIMAL, SPLINE, STRAIGHT
 from showc.trajectory import evaluated
@@ -255,8 +261,12 @@ class Repair:
             self.crowd = self._crowd(met)
             paths = [one.state.select(slice(0, 3)) for one in self.flights.flown]
             self._first = evaluated(paths, self.flights.nodes)
-            search = partial(untangle, free=self.move.free)
-            found = self.made.untangle(search, self.crowd, self._known())
+            known = self._known()
+            free = self.move.free and known is None
+            search = partial(untangle, free=free)
+            found = self.made.untangle(search, self.crowd, known)
+            if free and hopeless(found):
+                found = self.made.worked(quickest(self.crowd, self.made.workers))
         else:
             wrong = np.concatenate([met.first, met.second, list(astray)])
             rows = np.unique(wrong.astype(np.int64))

@@ -8,6 +8,7 @@ leads nowhere, ways are found through a fourth dimension, from several beginning
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.fleet.deconfliction.changes import Untangled
     from showc.fleet.deconfliction.crowd import Crowd
+    from showc.fleet.execution.pool import Workers
 
 
 _AROUND = 2.0
@@ -41,6 +43,8 @@ short."""
 _MOST, _IN_VAIN, _BETTER, _SEARCH = 12, 3, 0.003, 5e10
 """Beginnings at most where the time is free; how many of them in a row may be no better
 by such a share; and products of numbers after which there is no other."""
+_BESIDE = 2
+"""Beginnings followed at once: of those that are too many, one is in vain."""
 _SLOWER = (1.1, 1.3)
 """Times that these begin with, over the crowd's."""
 _WRONG = 1.0
@@ -60,8 +64,7 @@ def untangle(
 ) -> Untangled:
     """Change flights of a crowd until all pairs keep apart, as gently as can be.
 
-    Where that takes more time, and more may be taken, it is what
-    :func:`quickest` finds.
+    Where more time may be taken, :func:`quickest` finds what is :func:`hopeless` here.
 
     Parameters
     ----------
@@ -74,9 +77,6 @@ def untangle(
         Whether more time may be taken than the crowd's.
     """
     best, work = None, 0.0
-    free = free and known is None
-    drones = crowd.places.shape[0]
-    enough = max(min(_NEARLY * drones, _HARDLY), OF_MANY * drones)
     for search in _searches(crowd, known, anew=anew, free=free):
         found = search.run()
         work += found.work
@@ -85,13 +85,16 @@ def untangle(
             found.wrong < best.wrong if anew else found.strain < best.strain
         )
         best = found if better else best
-        if found.wrong <= (enough if anew else 0.0):
+        if found.wrong == 0.0 or (anew and not hopeless(found)):
             break
     assert best is not None  # noqa: S101 - there is a search
-    if free and best.wrong > enough:
-        best = quickest(crowd)
-        work += best.work
     return replace(best, work=work)
+
+
+def hopeless(found: Untangled) -> bool:
+    """Whether too much is wrong with changes for them to be flown and mended."""
+    drones = found.excess.size
+    return found.wrong > max(min(_NEARLY * drones, _HARDLY), OF_MANY * drones)
 
 
 def _searches(
@@ -121,19 +124,23 @@ def _searches(
             return
 
 
-def quickest(crowd: Crowd) -> Untangled:
+def quickest(crowd: Crowd, workers: Workers) -> Untangled:
     """Change flights of a crowd until all pairs keep apart, in the least time.
 
-    Of some beginnings, each of which leads to other ways round, the best counts.
+    Of some beginnings, each of which leads to other ways round, the best counts. Two
+    are followed side by side, and count one after the other.
 
     Returns
     -------
     Untangled
         Its duration is at least the crowd's, and what it takes.
     """
-    best, work, stalled = None, 0.0, 0
-    for seed in range(_MOST):
-        found = Elastic(crowd, seed).run(_SLOWER[seed % len(_SLOWER)])
+    best: Untangled | None = None
+    work, stalled = 0.0, 0
+    seeds = range(_MOST)
+    pairs = (seeds[first : first + _BESIDE] for first in seeds[::_BESIDE])
+    both = (workers.run(_begun, [(crowd, seed) for seed in pair]) for pair in pairs)
+    for found in chain.from_iterable(both):
         work += found.work
         stalled += 1
         if best is None or _needed(found) < (1.0 - _BETTER) * _needed(best):
@@ -144,6 +151,11 @@ def quickest(crowd: Crowd) -> Untangled:
             break
     assert best is not None  # noqa: S101 - there is a beginning
     return replace(best, work=work)
+
+
+def _begun(crowd: Crowd, seed: int) -> Untangled:
+    """Follow one beginning, with the time free."""
+    return Elastic(crowd, seed).run(_SLOWER[seed % len(_SLOWER)])
 
 
 def _needed(found: Untangled) -> float:
