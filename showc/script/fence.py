@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-6
 """How much nearer than the margin rounding may bring a drone [m]."""
+LEAST = 1e-5
+"""Distance from a fence that is kept in any case [m]: nearer, no rounded number tells
+inside from outside."""
 _SPARE = (2.5, 1.0, 0.3, 0.01)
 """How much farther than the margin ways pass corners [m], the first that is possible:
 what a drone needs for a curve."""
@@ -119,10 +122,14 @@ class Fence:
 
     @classmethod
     def of(cls, site: Site) -> Fence | None:
-        """Return a site's fence; None where the volume's walls are the fence."""
+        """Return a site's fence; None where the volume's walls are the fence.
+
+        Its margin is at least :data:`LEAST`.
+        """
         if site.fence is None:
             return None
-        return cls(np.asarray(site.fence, dtype=np.float64), site.fence_margin)
+        margin = max(site.fence_margin, LEAST)
+        return cls(np.asarray(site.fence, dtype=np.float64), margin)
 
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return how far within the fence points (n, 2) are, negative outside [m]."""

@@ -7,7 +7,8 @@ less gravity, and the jerk (T' / m) b + (T / m) b'. As b and b' are at right ang
 
 Roll and pitch alone turn b by |b'|² = p² + q² cos² roll <= p² + q². Yaw adds at most
 sin(lean) |r| to |b'|, lean being the angle of b to the vertical, and (a + s c)² <=
-(1 + s) (a² + s c²). So with s the sine of the greatest lean, 0 where yaw is held,
+(1 + s) (a² + s c²). So with s the sine of the greatest lean, 0 where yaw is held or
+stands still,
 
     (m |jerk|)² <= T'² + (1 + s) T² (p² + q² + s r²).
 
@@ -85,7 +86,7 @@ def greatest_jerk(
     Parameters
     ----------
     lean
-        s of :func:`lean_factor`.
+        s of :func:`lean_factor`; it counts where yaw turns.
     breaks
         Shape (K + 1,) [s].
     state, control
@@ -102,9 +103,11 @@ def greatest_jerk(
     change = degree * np.diff(thrust, axis=-1) / np.diff(breaks)[:, None]
     if not degree:
         change = np.zeros_like(thrust)
-    share = np.sqrt([1.0 + lean, 1.0 + lean, (1.0 + lean) * lean])
+    turns = np.any(state[..., 11], axis=-1, keepdims=True)
+    sine = lean * turns
+    share = np.sqrt((1.0 + sine) * np.array([1.0, 1.0, lean]))
     turning = [
-        share[axis] * product(thrust, state[..., 9 + axis])
+        share[..., axis : axis + 1] * product(thrust, state[..., 9 + axis])
         for axis in range(3 if lean else 2)
     ]
     # Times 1, written in what the degree lacks.

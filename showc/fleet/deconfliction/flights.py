@@ -286,7 +286,7 @@ class Flights:
             margin = 0.0 if self.move.fence is None else self.move.fence.margin
             return (
                 f"drone {self.move.names[row] + 1} comes nearer than {margin:.2f} m to "
-                f"the fence at {astray[row]:.2f} s ({len(astray)} drones in all)"
+                f"the fence at {astray[row]:.2f} s (drones that do: {len(astray)})"
             )
         worst = int(np.argmin(found.distance))
         first, second = int(found.first[worst]), int(found.second[worst])

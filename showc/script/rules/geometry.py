@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
-from showc.script.fence import Fence, inside_polygon
+from showc.script.fence import LEAST, Fence, inside_polygon
 from showc.script.formations.spacing import closest, crowded
 from showc.script.language.settings import Settings
 from showc.script.language.wording import (
@@ -214,7 +214,9 @@ def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
             clearance = fence.clearance(formation.points[:, :2])
             place = int(np.argmin(clearance))
             where = "outside the fence"
-            if clearance[place] >= 0.0:
+            if abs(clearance[place]) < LEAST:
+                where = "on the fence"
+            elif clearance[place] > 0.0:
                 where = (
                     f"{number_text(float(clearance[place]))} m from the fence; the "
                     f"margin is {number_text(fence.margin)} m"

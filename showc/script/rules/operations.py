@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Label, Severity, Spot
-from showc.script.fence import fence_distance, inside_polygon
+from showc.script.fence import Fence, fence_distance
 from showc.script.formations.spacing import closest
 from showc.script.language.wording import measured_text, number_text
 from showc.script.rules.least_time import least_mean_time
@@ -224,17 +224,18 @@ def _battery(sketch: Sketch) -> Iterator[Diagnostic]:
 def _fence_margin(sketch: Sketch) -> Iterator[Diagnostic]:
     """Places from which a drone cannot stop before the fence (SHW307)."""
     show, site = sketch.show, sketch.site
-    if show is None or site is None or site.fence is None:
+    fence = None if site is None else Fence.of(site)
+    if show is None or site is None or fence is None:
         return
     speed = float(np.hypot(*show.limits.velocity_max[:2]))
     braking = 2.0 * show.vehicle.gravity * tan(show.limits.tilt)
     needed = speed * REACTION + speed * speed / braking
     asked = sketch.settings.section("site").mark_of("fence")
     for formation in sketch.formations.values():
-        distance = fence_distance(formation.points[:, :2], site.fence)
+        distance = fence_distance(formation.points[:, :2], fence.corners)
         place = int(np.argmin(distance))
-        inside = inside_polygon(formation.points[:, :2], site.fence)
-        if distance[place] >= needed or not inside.all():
+        # Others are outside, or on the fence: an error says so.
+        if distance[place] >= needed or not fence.keeps(formation.points[:, :2]).all():
             continue
         yield _warning(
             "SHW307",

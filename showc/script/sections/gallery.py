@@ -53,6 +53,10 @@ class Bench:
     """What effects in beats count in."""
 
 
+_TEMPO = 120.0
+"""Beats per minute of music whose tempo could not be read: another finding says so."""
+
+
 def effect_of(settings: Settings, music: Music | None) -> Effect:
     """Return the effect a section asks for.
 
@@ -73,14 +77,14 @@ def effect_of(settings: Settings, music: Music | None) -> Effect:
         )
     period, beat = settings.number("period"), None
     if "beats" in settings:
-        if music is None or music.bpm is None:
+        if music is None or (music.sound and music.bpm is None):
             raise ScriptError(
                 "SHW121",
                 "the effect counts beats, but the music has no tempo",
                 key="effect",
                 help_text="add `music: {bpm: 120}`",
             )
-        period = settings.number("beats") * 60.0 / music.bpm
+        period = settings.number("beats") * 60.0 / (music.bpm or _TEMPO)
         beat = music.offset + music.first_beat
     stops = colours_in(settings, "colours") if kind == "run" else np.zeros((0, 3))
     return Effect(

@@ -22,11 +22,10 @@ mean of the slope by at most 1 cm/s².
 
 *Jerk* follows from thrust T and body rates: along the unit vector b of the thrust it is
 T' / m, at right angles to it T |b'| / m. Roll and pitch turn b by sqrt(p² + q²) at
-most, yaw by s |r|, s being the sine of the greatest lean, or 0 where yaw is held. As (a
-+ s c)² <= (1 + s) (a² + s c²), the square of m |jerk| is at most the polynomial T'² +
-(1 + s) T² (p² + q² + s r²). Flown are this thrust, continuous by VRF334, and rates
-within their radius R: (1 + s) T R / m more jerk at most. The distance to the fence is
-enclosed by :mod:`showc.verify.kernel.fence`.
+most, yaw by s |r|, s being the sine of the greatest lean, or 0 where yaw is held or r
+is 0. As (a + s c)² <= (1 + s) (a² + s c²), the square of m |jerk| is at most T'² + (1 +
+s) T² (p² + q² + s r²). Flown are this thrust, continuous by VRF334, and rates within
+their radius R: (1 + s) T R / m more jerk at most. The fence is a theorem of its own.
 """
 
 from __future__ import annotations
@@ -200,8 +199,9 @@ def _jerk_square(table: PieceTable, rules: Rules) -> FloatArray:
     """Coefficients of a bound on the squared jerk; see above."""
     thrust, rates = table.control[:, :, :1], table.state[:, :, 9:]
     tilt = np.abs(table.state[:, :, 6:8]).max(axis=(0, 1)).clip(max=np.pi / 2.0)
-    sine = 0.0 if rules.yaw_held else np.sqrt(1.0 - np.prod(np.cos(tilt)) ** 2)
-    weights = np.sqrt(1.0 + sine) * np.array([1.0, 1.0, np.sqrt(sine)])
+    turns = np.any(rates[:, :, 2:], axis=1, keepdims=True) & (not rules.yaw_held)
+    sine = turns * np.sqrt(1.0 - np.prod(np.cos(tilt)) ** 2)
+    weights = np.sqrt((1.0 + sine) * np.where([False, False, True], sine, 1.0))
     squares = square_sum(thrust), square_sum(weights * rates)
     turning = product(*(some[:, :, None] for some in squares))
     push = elevate(square_sum(table.slope(thrust))[:, :, None], turning.shape[1] - 1)
