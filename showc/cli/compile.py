@@ -247,6 +247,8 @@ _NEAR = 0.01
 
 def table(compiled: Compiled) -> str:
     """Lay the result out for people: a line a leg, and where everything lies."""
+    from showc.script.language.wording import counted
+
     manifest = compiled.manifest
     music = compiled.flight.itinerary.show.music
     head, offset = ("starts", 0.0) if music is None else ("music time", music.offset)
@@ -265,7 +267,7 @@ def table(compiled: Compiled) -> str:
     lines += [
         "",
         (
-            f"{manifest['show']['name']}: {manifest['drones']} drones, "
+            f"{manifest['show']['name']}: {counted(manifest['drones'], 'drone')}, "
             f"{int(minutes)} min {seconds:.1f} s, "
             f"up to {manifest['greatest_height']:.1f} m high"
         ),

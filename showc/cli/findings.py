@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from showc.errors import escaped
 from showc.script.diagnostic import Diagnostic, Severity
+from showc.script.language.wording import counted
 from showc.script.mark import Mark
 from showc.script.render import render
 from showc.verify.codes import codes
@@ -77,7 +78,7 @@ def render_text(verification: Verification, *, colour: bool = False) -> str:
         Whether to mark verdicts with ANSI colours.
     """
     title, path = escaped(verification.title), escaped(verification.path)
-    size = f"{verification.drones} drones, {verification.duration:.3f} s"
+    size = f"{counted(verification.drones, 'drone')}, {verification.duration:.3f} s"
     lines = [
         escaped(verification.verdict),
         f"{path}: “{title}”, {size}",

@@ -85,6 +85,8 @@ def command(
     from showc.foreign.reading import read_show
     from showc.foreign.script import import_show
     from showc.script import load_show
+    from showc.script.diagnostic import Severity
+    from showc.script.language.wording import counted
 
     # Its own: the folder of the bare name is where compile puts the missions.
     folder = output.with_name(f"{output.stem}-formations")
@@ -100,12 +102,14 @@ def command(
         write_file(output.parent / name, table.encode())
     write_file(output, imported.script.encode())
     found = load_show(output).diagnostics
-    click.echo(
-        f"{output}: {len(imported.pictures)} formations, "
-        f"{len(found)} findings of showc check"
-    )
+    pictures = counted(len(imported.pictures), "formation")
+    findings = counted(len(found), "finding")
+    click.echo(f"{output}: {pictures}, {findings} of showc check")
     for lost in imported.lost:
         click.echo(f"not in the script: {lost}")
     again = output.with_suffix(".mcap")
-    click.echo(f"next: showc compile {output} -o {again}; showc diff {show} {again}")
+    ahead = f"showc compile {output} -o {again}; showc diff {show} {again}"
+    if any(one.severity is Severity.ERROR for one in found):
+        ahead = f"showc check {output}, and mend the script: it cannot be compiled yet"
+    click.echo(f"next: {ahead}")
     return 0

@@ -134,6 +134,19 @@ def test_a_yaw_that_is_free_keeps_the_envelope_too(jerk):
     assert_within(least.trajectory, limits)
 
 
+@pytest.mark.parametrize("stretch", [1.0, 1.03])
+def test_a_flight_whose_yaw_stands_still_keeps_the_jerk_of_one_that_may_turn(stretch):
+    limits = replace(LIMITS, jerk=12.0, tilt=0.3)
+    aircraft = Aircraft(VEHICLE, limits, "free", 0.5 * np.pi)
+    start, goal = np.array([0.0, 0.0, 18.0]), np.array([-15.0, 13.0, 8.0])
+    shared = shared_profile(VEHICLE, limits, aircraft.heading, start[None], goal[None])
+    profile = shared.stretched(stretch * shared.duration).derivatives()[0]
+    spline = follow_spline(aircraft, start, goal, profile, intervals=40)
+    trajectory = spline.flight.trajectory(0)
+    assert_within(trajectory, limits)
+    assert greatest_excess(aircraft, trajectory).relative <= 1e-6
+
+
 def solve(leg, **show):
     show = make_show(leg.drones.size, **show)
     return solve_leg(leg, show, make_options(), InProcess(), Silent())

@@ -195,3 +195,21 @@ def test_an_imported_script_leaves_room_for_what_compile_writes(tmp_path):
     assert load_show(output).show is not None
     assert not (tmp_path / "again").exists()
     assert (tmp_path / "again-formations" / "hold-1.csv").exists()
+
+
+def test_an_imported_script_that_check_refuses_is_not_handed_to_compile(
+    tmp_path, monkeypatch
+):
+    source, output = table_of(tmp_path / "slow", 8.0), tmp_path / "again.yaml"
+
+    def spoilt(path):
+        path.write_text(path.read_text().replace("showc: 1", "showc: 1\nlog_rate: -1"))
+        return load_show(path)
+
+    monkeypatch.setattr("showc.script.load_show", spoilt)
+    run = CliRunner().invoke(
+        import_, [str(source), "-o", str(output)], standalone_mode=False
+    )
+    assert "4 findings of showc check" in run.output
+    assert f"next: showc check {output}, and mend" in run.output
+    assert "showc compile" not in run.output

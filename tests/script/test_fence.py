@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from showc.script import read_show
 from showc.script.fence import Fence, crossed_edges
 
 L = np.array([(-30, -30), (30, -30), (30, 0), (0, 0), (0, 30), (-30, 30)], float)
@@ -108,3 +109,24 @@ def test_outlines_that_cross_themselves_are_named():
     assert crossed_edges(bow) == (0, 2)
     angle = np.arange(5) * 4.0 * np.pi / 5.0
     assert crossed_edges(np.column_stack([np.cos(angle), np.sin(angle)])) == (0, 2)
+
+
+@pytest.mark.parametrize("place", [(5, 0), (-5, 0), (0, 5), (0, -5), (5, 5), (-5, -5)])
+def test_a_place_on_a_fence_without_a_margin_is_refused(place):
+    script = """\
+showc: 1
+drones: 1
+site: {fence: [[-5, -5], [5, -5], [5, 5], [-5, 5]]}
+pads: {type: points, points: [[%g, %g, 0]]}
+formations: {a: {type: points, points: [[4.99, 0, 12]]}}
+transitions: [a]
+"""
+    (found,) = (
+        one
+        for one in read_show((script % place).encode()).diagnostics
+        if one.code == "SHW204"
+    )
+    assert "place 1 of `pads` is on the fence" in found.message
+    inward = tuple(0.999 * part for part in place)
+    codes = {one.code for one in read_show((script % inward).encode()).diagnostics}
+    assert "SHW204" not in codes

@@ -180,3 +180,12 @@ def test_a_file_of_cues_is_one_of_the_inputs():
 def test_a_cue_in_plain_text_needs_quotes():
     result = read_show((SHOW % ("{chorus: 12.25}", "@chorus")).encode())
     assert '"@chorus"' in result.diagnostics[0].help
+
+
+def test_an_effect_in_beats_is_not_said_to_lack_the_tempo_of_music_with_a_fault():
+    effect = "music: {bpm: 100, cues: {'b c': %s}}\nformations:\n  row: {type: line, "
+    effect += "length: 6, centre: [0, 0, 20], effect: {kind: pulse, beats: 2}}\n"
+    script = "showc: 1\ndrones: 2\n" + effect + "transitions: [row]\n"
+    found = read_show((script % "3").encode()).diagnostics
+    codes = [one.code for one in found if one.code != "SHW307"]
+    assert codes and "SHW121" not in codes
