@@ -48,8 +48,14 @@ def command(before: Path, after: Path, as_json: bool) -> int:
         click.echo("both shows are the same")
     else:
         for item in differences:
-            click.echo("{what}: {before} -> {after}".format(**item))
+            old, new = _shown(item["before"]), _shown(item["after"])
+            click.echo(f"{item['what']}: {old} -> {new}")
     return int(bool(differences))
+
+
+def _shown(value: object) -> object:
+    """Return a value as people write it: numbers without the noise of rounding."""
+    return f"{value:.9g}" if isinstance(value, float) else value
 
 
 @dataclass(frozen=True, slots=True)

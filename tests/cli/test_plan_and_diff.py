@@ -80,3 +80,12 @@ transitions: [row, {to: beside, group: left}]
         assert said in run.err
         assert "waits.yaml:7:25: row -> beside: drone" in run.err
         assert "solving" not in run.err
+
+
+def test_diff_shows_numbers_without_the_noise_of_rounding():
+    from showc.cli.diff import _shown
+
+    assert [_shown(one) for one in (0.21000000000000002, 1.5, 3, None, "a")] == [
+        *("0.21", "1.5"),
+        *(3, None, "a"),
+    ]
