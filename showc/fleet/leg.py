@@ -121,7 +121,6 @@ class _Solver:
         check_ends(leg, self.show)
         if leg.motion:
             return self._moving()
-        self._check_order()
         moving = np.linalg.norm(leg.goal - leg.start, axis=1) > STILL
         if not (moving.any() or leg.in_motion):
             return self._hold()
@@ -390,23 +389,6 @@ class _Solver:
             "passing_other": float(pair[1] + 1),
         }
 
-    def _check_order(self) -> None:
-        """Refuse what no flight can do: change order with all axes kept apart."""
-        leg = self.leg
-        if self.separation.shape != "all-axes":
-            return
-        found = reversed_order(leg.start, leg.goal, leg.others_parked)
-        if found is None:
-            return
-        first, second, axis = found
-        raise SolveError(
-            f"{self.where}: {pair_names(leg, first, second)} stand in one order along "
-            f"{'xyz'[axis]} in {leg.from_formation!r} and in the other in "
-            f"{leg.to_formation!r}, but have to be {self.separation.distance:.3f} m "
-            "apart along all three axes at every instant: no time is enough; let "
-            "'any-axis' or 'sphere' hold, or choose another assignment"
-        )
-
     def _pair(self, found: Encounters) -> str:
         return pair_names(self.leg, int(found.first[0]), int(found.second[0]))
 
@@ -466,6 +448,22 @@ def check_ends(leg: Leg, show: Show) -> None:
                 f"{found.distance[0]:.3f} m apart in {formation!r}, the separation "
                 f"is {separation.distance:.3f} m; {advice}"
             )
+    if separation.shape == "all-axes":
+        _check_order(leg, separation.distance)
+
+
+def _check_order(leg: Leg, distance: float) -> None:
+    """Refuse what no flight can do: change order with all axes kept apart."""
+    found = reversed_order(leg.start, leg.goal, leg.others_parked)
+    if found is not None:
+        first, second, axis = found
+        raise SolveError(
+            f"{place(leg)}: {pair_names(leg, first, second)} stand in one order along "
+            f"{'xyz'[axis]} in {leg.from_formation!r} and in the other in "
+            f"{leg.to_formation!r}, but have to be {distance:.3f} m "
+            "apart along all three axes at every instant: no time is enough; let "
+            "'any-axis' or 'sphere' hold, or choose another assignment"
+        )
 
 
 def nearest_pair(

@@ -89,3 +89,24 @@ def test_diff_shows_numbers_without_the_noise_of_rounding():
         *("0.21", "1.5"),
         *(3, None, "a"),
     ]
+
+
+def test_plan_refuses_an_order_that_all_axes_cannot_leave(run_showc, tmp_path):
+    script = tmp_path / "order.yaml"
+    script.write_text(
+        """\
+showc: 1
+drones: 2
+separation: {distance: 1, shape: all-axes}
+pads: {type: points, points: [[-3, -3, 0], [3, 3, 2]]}
+formations:
+  a: {type: points, points: [[-3, -3, 10], [3, 3, 14]]}
+  b: {type: points, points: [[3, 3, 14], [-3, -3, 10]]}
+transitions:
+  - {to: a, hold: 0}
+  - {to: b, hold: 0, assignment: fixed}
+"""
+    )
+    run = run_showc("plan", script)
+    assert run.code == 1
+    assert "stand in one order along x in 'a' and in the other in 'b'" in run.err
