@@ -229,7 +229,7 @@ class _Solver:
             ascent.duration,
             min(alone, ascent.duration),
             witness.time,
-            witness,
+            witness if witness.time > 0.0 else None,
             nearest_pair(leg, flights, self.separation),
             "straight up or down, all on one profile",
             dict(sorted(statistics.items())),

@@ -90,11 +90,15 @@ def build_manifest(
 
 
 def _greatest_height(flight: Flight) -> float:
-    """Upper bound on the height of any drone at any instant, show frame [m]."""
+    """Upper bound on the height of any drone at any instant, show frame [m].
+
+    All coefficients of a leg are those of one degree: of a greater one, they are less.
+    """
     return max(
-        float(trajectory.state.coefficients[:, :, 2].max())
-        for leg in flight.legs
-        for trajectory in leg.trajectories
+        float(state.elevated(degree).coefficients[:, :, 2].max())
+        for states in ([one.state for one in leg.trajectories] for leg in flight.legs)
+        for degree in [max(state.degree for state in states)]
+        for state in states
     )
 
 

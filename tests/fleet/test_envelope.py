@@ -179,6 +179,17 @@ def test_launch_and_landing_hold_x_and_y_under_any_limits(kind, limits):
     assert flight.duration < certificate.single_drone_minimum + 1e-3
 
 
+@pytest.mark.parametrize("kind", ["launch", "land"])
+@pytest.mark.parametrize("speed", [0.1, 0.3, 2.0])
+def test_a_bound_that_is_not_found_is_not_claimed(kind, speed):
+    high = PADS + [0.0, 0.0, 10.0]
+    ends = (PADS, high) if kind == "launch" else (high, PADS)
+    leg = make_leg(*ends, kind=kind, limits=LIMITS.upright(speed))
+    certificate = solve(leg).certificate
+    assert (certificate.witness is None) == (certificate.dual_bound == 0.0)
+    assert speed < 1.0 or certificate.dual_bound > 0.0
+
+
 def test_pads_at_different_heights_launch_on_one_profile():
     limits = TIGHT["the preset's"].upright(3.0)
     start = PADS + np.array([[0, 0, h] for h in (0.0, 1.0, 2.0, 0.5, 0.0, 3.0)])

@@ -189,3 +189,26 @@ def test_an_effect_in_beats_is_not_said_to_lack_the_tempo_of_music_with_a_fault(
     found = read_show((script % "3").encode()).diagnostics
     codes = [one.code for one in found if one.code != "SHW307"]
     assert codes and "SHW121" not in codes
+
+
+def test_a_decimal_comma_before_a_unit_is_found_and_mended():
+    script = "showc: 1\ndrones: 2\nformations:\n  row: {type: line, length: 6,5 m}\n"
+    found = read_show((script + "transitions: [row]\n").encode()).diagnostics
+    assert [(one.code, one.fix) for one in found] == [("SHW103", "6.5 m")]
+
+
+@pytest.mark.parametrize(
+    ("inertia", "sound"),
+    [
+        ((0.01, 0.01, 0.02), True),
+        ((0.01, 0.01, 0.021), False),
+        ((0.03, 0.01, 0.01), False),
+        ((1.0, 1.0, 1.0), True),
+    ],
+)
+def test_an_inertia_that_no_body_has_is_refused(inertia, sound):
+    script = SHOW % ("{}", 30) + f"vehicle: {{inertia: {list(inertia)}}}\n"
+    found = read_show(script.encode())
+    messages = [one.message for one in found.diagnostics if one.code == "SHW104"]
+    assert (found.show is not None) == sound
+    assert any("no body has a moment of inertia" in one for one in messages) != sound

@@ -84,7 +84,7 @@ _FEW_KINDS = 3
 def torn(entry: Entry, node: Mapping) -> Diagnostic | None:
     """Find the value that a key is the rest of.
 
-    A comma tears it in two, as in ``{hold: 2,5}`` and ``{at: bar 12, beat 3}``.
+    A comma tears it in two, as in ``{hold: 2,5 s}`` and ``{at: bar 12, beat 3}``.
     """
     before = node.before(entry)
     value = None if before is None else before.value
@@ -100,7 +100,8 @@ def torn(entry: Entry, node: Mapping) -> Diagnostic | None:
             help=f"write `{right}`",
             fix=right,
         )
-    if not entry.key.isdecimal():
+    # Decimals, and perhaps a unit.
+    if not re.fullmatch(r"\d+(\s*[^\d\s].*)?", entry.key):
         return None
     beside = (first.end_line, first.end_column + 1) == (behind.line, behind.column)
     if not beside or not re.fullmatch(r"[-+]?\d+", value.text):

@@ -76,7 +76,8 @@ def limits_of(
 ) -> Limits | None:
     """Return the airframe's limits: the script's, else the preset's.
 
-    None if the vehicle could not hover within them, which is then reported.
+    None if the vehicle could not hover within them, or is no rigid body, which is then
+    reported.
     """
     base = PRESETS[aircraft.text("preset")].limits
     custom = vehicle.name == "custom"
@@ -101,6 +102,7 @@ def limits_of(
         settings.over(whole), body_rate=_each(settings, "body_rate", base.body_rate)
     )
     sound = _can_hover(limits, vehicle, settings, aircraft, reader)
+    sound &= _is_rigid(vehicle, aircraft, reader)
     return limits if sound else None
 
 
@@ -233,5 +235,23 @@ def _can_hover(
             f"the rotors produce at most {measured_text(vehicle.thrust_max)} N",
         ),
         help_text="change the thrust limits, the mass, or the rotors",
+    )
+    return False
+
+
+def _is_rigid(vehicle: Quadrotor, aircraft: Settings, reader: Reader) -> bool:
+    """Whether a rigid body can have such moments of inertia, see SHW104 below."""
+    most = max(vehicle.inertia)
+    others = sum(vehicle.inertia) - most
+    if most <= (1.0 + 1e-9) * others:
+        return True
+    axis = "xyz"[vehicle.inertia.index(most)]
+    reader.say(
+        "SHW104",
+        f"no body has a moment of inertia of {number_text(most)} kg m² about {axis}: "
+        f"the other two add up to {measured_text(others)} kg m²",
+        aircraft.mark_of("inertia") if "inertia" in aircraft else aircraft.mark,
+        help_text="give all three as measured; of a flat frame, the one about z is the "
+        "sum of the other two",
     )
     return False
