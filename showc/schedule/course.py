@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Self
 
+from showc.autopilot.stage import SLOWEST_COMMAND
 from showc.autopilot.takeoff import LEAST_HEIGHT
 from showc.errors import ExportError
 from showc.script.lanes import least_rest
@@ -74,7 +75,7 @@ class Course:
         ------
         ExportError
             If missions cannot carry it: it is not one launch, transitions and one
-            landing, its launch is too low, or a formation moves while it is held.
+            landing, its launch is too low or too slow, or a formation moves.
         """
         _refuse_motions(legs)
         found: list[Step] = []
@@ -109,6 +110,13 @@ class Course:
                 f"the launch ends {lowest:g} m above a pad, and an autopilot takes off "
                 f"to {LEAST_HEIGHT:g} m at least; raise `launch: altitude:`, or fly "
                 "the log with `showc stream`"
+            )
+        vertical = min(show.limits.velocity_max[2], -show.limits.velocity_min[2])
+        if vertical < SLOWEST_COMMAND:
+            raise ExportError(
+                f"the limits allow {vertical:g} m/s up or down, an autopilot heeds "
+                f"{SLOWEST_COMMAND:g} m/s at least; raise the limits of climb and "
+                "descent, or fly the log with `showc stream`"
             )
         return cls(launch, first.hold, tuple(steps), land)
 

@@ -3,6 +3,8 @@
 import pytest
 from mission.flights import rows, shift_flight
 
+from showc.autopilot.stage import SLOWEST_COMMAND
+from showc.autopilot.takeoff import LEAST_HEIGHT
 from showc.mission import mission_files
 from showc.mission.feasibility import mission_outlook
 from showc.script import read_show
@@ -134,3 +136,21 @@ def test_a_site_across_the_180th_meridian_has_no_missions(longitude, volume, sai
     show = read_show((HEAD + text).encode()).draft
     assert show is not None
     assert any("180th" in one.message for one in missions.refusals(show)) == said
+
+
+@pytest.mark.parametrize(
+    ("section", "said"),
+    [
+        ("launch: {altitude: 1 m}", "takes off to more than 1 m"),
+        ("launch: {altitude: 1.1 m}", None),
+        ("limits: {climb: 0.149}", "heeds 0.15 m/s at least"),
+        ("limits: {descent: 0.1}", "heeds 0.15 m/s at least"),
+        ("limits: {climb: 0.15, descent: 0.15}", None),
+    ],
+)
+def test_what_autopilots_do_not_do_is_said_before_the_solve(section, said):
+    found = [message for message, _ in warned(f"{section}\n{RINGS}{turns(1)}")]
+    assert len(found) == (said is not None)
+    assert said is None or said in found[0]
+    least = missions.LEAST_TAKEOFF, missions.LEAST_VERTICAL
+    assert least == (LEAST_HEIGHT, SLOWEST_COMMAND)

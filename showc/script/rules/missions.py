@@ -39,6 +39,10 @@ UNMOVED = 0.05
 """A place that is nearer to one left may be the same for a mission [m]: its places are
 whole 1e-7 degrees and centimetres."""
 
+LEAST_TAKEOFF, LEAST_VERTICAL = 1.0, 0.15
+"""What autopilots take off to, and what they are told to climb and descend at, at least
+[m, m/s]."""
+
 _STRIDES = np.array([1, 1 << 21, 1 << 42])
 """Numbers of cells along the axes: places are within 10 km of the origin."""
 
@@ -119,6 +123,21 @@ def refusals(show: Show, least: int | None = None) -> Iterator[Refusal]:
             "hour",
             f"compile with --start, which names the hour, or {without}",
             ("transitions",),
+        )
+    if show.launch.altitude <= LEAST_TAKEOFF:
+        yield Refusal(
+            f"the launch ends {number_text(show.launch.altitude)} m above the pads, an "
+            f"autopilot takes off to more than {number_text(LEAST_TAKEOFF)} m",
+            f"raise `altitude`, or {without}",
+            ("launch", "altitude"),
+        )
+    vertical = min(show.limits.velocity_max[2], -show.limits.velocity_min[2])
+    if vertical < LEAST_VERTICAL:
+        yield Refusal(
+            f"the limits allow {number_text(vertical)} m/s up or down, an autopilot "
+            f"heeds {number_text(LEAST_VERTICAL)} m/s at least",
+            f"raise the limits of climb and descent, or {without}",
+            ("limits",),
         )
     if crosses_date_line(show):
         yield Refusal(
