@@ -12,7 +12,7 @@ from showc.script.formations import SHAPES, Request
 from showc.script.formations.spacing import closest, crowded, spread_apart
 from showc.script.language.scalars import no_such
 from showc.script.language.settings import Setting, Settings
-from showc.script.language.wording import number_text
+from showc.script.language.wording import counted, number_text
 from showc.script.sections.placing import colours_in, paint, transform
 from showc.script.show import Effect, EffectKind, Music
 
@@ -385,7 +385,7 @@ class Gallery:
             raise ScriptError(
                 "SHW205",
                 f"{count} places are needed, and the parts with a number of places "
-                f"of their own leave {max(rest, 0)} for {missing} others",
+                f"of their own leave {max(rest, 0)} for {counted(missing, 'other')}",
                 key="parts",
             )
         inside = None if "centre" in settings else floor
