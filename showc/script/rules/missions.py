@@ -40,8 +40,8 @@ UNMOVED = 0.05
 whole 1e-7 degrees and centimetres."""
 
 LEAST_TAKEOFF, LEAST_VERTICAL = 1.0, 0.15
-"""What autopilots take off to, and what they are told to climb and descend at, at least
-[m, m/s]."""
+"""Height of a take-off, and speed of a commanded climb or descent, both at least [m,
+m/s]."""
 
 _STRIDES = np.array([1, 1 << 21, 1 << 42])
 """Numbers of cells along the axes: places are within 10 km of the origin."""
