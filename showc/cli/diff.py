@@ -55,7 +55,7 @@ def command(before: Path, after: Path, as_json: bool) -> int:
 
 def _shown(value: object) -> object:
     """Return a value as people write it: numbers without the noise of rounding."""
-    return f"{value:.9g}" if isinstance(value, float) else value
+    return float(f"{value:.9g}") if isinstance(value, float) else value
 
 
 @dataclass(frozen=True, slots=True)

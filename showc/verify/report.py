@@ -247,9 +247,9 @@ def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
     if near:
         worst = min(near, key=lambda check: (check.value or 0.0) - (check.limit or 0.0))
         parts.append(f"closest pair{figure(worst)}")
-    free = {c.name for c in checks if c.verdict == "skipped" and c.value is not None}
+    free = [c.name for c in checks if c.verdict == "skipped" and c.value is not None]
     if free:
-        parts.append(f"no limit known for {', '.join(sorted(free))}")
+        parts.append(f"no limit known for {', '.join(dict.fromkeys(free))}")
     return f"proved ({'; '.join(parts)})" if parts else "proved"
 
 

@@ -85,10 +85,8 @@ transitions: [row, {to: beside, group: left}]
 def test_diff_shows_numbers_without_the_noise_of_rounding():
     from showc.cli.diff import _shown
 
-    assert [_shown(one) for one in (0.21000000000000002, 1.5, 3, None, "a")] == [
-        *("0.21", "1.5"),
-        *(3, None, "a"),
-    ]
+    assert _shown(0.21000000000000002) == 0.21
+    assert [_shown(one) for one in (19.0, 3, None, "a")] == [19.0, 3, None, "a"]
 
 
 def test_plan_refuses_an_order_that_all_axes_cannot_leave(run_showc, tmp_path):
