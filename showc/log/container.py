@@ -12,11 +12,9 @@ import mmap
 import struct
 import zlib
 from collections import Counter, defaultdict
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from hashlib import sha256
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -44,8 +42,6 @@ if TYPE_CHECKING:
 
     from showc.arrays import IntArray
 
-    _Unpacked = tuple[tuple[int, int], bytes, tuple[Any, ...]]
-
 LARGEST_FILE = 8 << 30
 """Size from which a log is refused [bytes]: an hour of 1,000 drones has half of it."""
 
@@ -67,9 +63,6 @@ for single drones."""
 
 MOST_RECORDS = 500_000
 """Records beside messages from which a log is refused: twice what such a log has."""
-
-_AHEAD = 3
-"""Chunks that are unpacked or wait for being walked, at most: bounds the memory."""
 
 _TIES_ALLOWED = {"/show/segments", "/tf"}
 """Topics on which several messages may have one time: concurrent segments, and frames
@@ -223,18 +216,15 @@ def open_log(source: Path | bytes) -> LogFile:
 
 
 def _walked(log: LogFile) -> LogFile:
-    with log.reported(), ThreadPoolExecutor(1) as thread:
-        return _Walk(log, thread).run()
+    with log.reported():
+        return _Walk(log).run()
 
 
 class _Walk:
-    """One pass over the file; ``thread`` unpacks a chunk while another is walked."""
+    """One pass over the file."""
 
-    def __init__(self, log: LogFile, thread: ThreadPoolExecutor) -> None:
-        self.log, self.view, self.thread = log, log.view, thread
-        self.begun: dict[int, Future[_Unpacked]] = {}
-        """Chunks that are being unpacked, by their places in the file."""
-        self.ahead = self._ahead()
+    def __init__(self, log: LogFile) -> None:
+        self.log, self.view = log, log.view
         self.index: dict[Opcode, list[tuple[Any, ...]]] = {
             Opcode.CHUNK_INDEX: [],
             Opcode.ATTACHMENT_INDEX: [],
@@ -333,11 +323,12 @@ class _Walk:
 
     def _chunk(self, record: Record) -> Record:
         """Take a chunk and the message indexes after it."""
-        for one in islice(self.ahead, _AHEAD - len(self.begun)):
-            self.begun[one.position] = self.thread.submit(self._unpack, one)
-        position, work = record.position, self.begun.pop(record.position, None)
-        work = work or self.thread.submit(self._unpack, record)
-        span, data, (start, end, size, _, compression, packed) = work.result()
+        start, end, size, crc, compression, packed = fields(self.view, record)
+        position, span = record.position, (record.stop - len(packed), record.stop)
+        if compression != "zstd":
+            raise Damage(position, f"a chunk is packed with {compression!r}, not zstd")
+        data = inflate(self.view, span, size)
+        self._crc(crc, data, position, "a chunk")
         self.unpacked += size
         if self.unpacked > LARGEST_UNPACKED:
             raise Damage(position, "the chunks up to here are too large in sum")
@@ -367,29 +358,6 @@ class _Walk:
             )
         )
         return self._next(at)
-
-    def _unpack(self, record: Record) -> _Unpacked:
-        """Return where a chunk's data lie, what they unpack to, and its fields."""
-        found = fields(self.view, record)
-        _, _, size, crc, compression, packed = found
-        position, span = record.position, (record.stop - len(packed), record.stop)
-        if compression != "zstd":
-            raise Damage(position, f"a chunk is packed with {compression!r}, not zstd")
-        data = inflate(self.view, span, size)
-        self._crc(crc, data, position, "a chunk")
-        return span, data, found
-
-    def _ahead(self) -> Iterator[Record]:
-        """Find the chunks, ahead of all else that is held against the file."""
-        position, left = len(MAGIC), MOST_RECORDS
-        # Whatever is wrong there, is found when it is its turn.
-        with suppress(Damage):
-            while left:
-                record = next_record(self.view, position)
-                position, left = record.stop, left - 1
-                if record.opcode == Opcode.CHUNK:
-                    left = MOST_RECORDS
-                    yield record
 
     def _places(
         self, data: bytes, entries: dict[int, bytearray]

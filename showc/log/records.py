@@ -233,7 +233,7 @@ def _unpacker() -> zstandard.ZstdDecompressor:
 
 
 def inflate(view: memoryview, span: tuple[int, int], size: int) -> bytes:
-    """Return the uncompressed data of a chunk; by one thread at a time.
+    """Return the uncompressed data of a chunk.
 
     Raises
     ------
