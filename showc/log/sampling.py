@@ -40,10 +40,10 @@ class _Bundle:
         self.rows = np.array(rows)
         self.degree = parts[0].degree
         # Of a great fleet many drones have the same mesh.
-        meshes = {part.breaks.tobytes(): part.breaks for part in parts}
-        self.meshes = list(meshes.values())
-        number = {name: row for row, name in enumerate(meshes)}
-        self.mesh = np.array([number[part.breaks.tobytes()] for part in parts])
+        names = [part.breaks.tobytes() for part in parts]
+        number = {name: row for row, name in enumerate(dict.fromkeys(names))}
+        self.meshes = [np.frombuffer(name) for name in number]
+        self.mesh = np.array([number[name] for name in names])
         counts = np.array([part.intervals for part in parts])
         self.first = np.concatenate([[0], np.cumsum(counts)[:-1]])
         self.left = np.concatenate([part.breaks[:-1] for part in parts])

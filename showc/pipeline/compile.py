@@ -94,12 +94,12 @@ def _greatest_height(flight: Flight) -> float:
 
     All coefficients of a leg are those of one degree: of a greater one, they are less.
     """
-    return max(
-        float(state.elevated(degree).coefficients[:, :, 2].max())
-        for states in ([one.state for one in leg.trajectories] for leg in flight.legs)
-        for degree in [max(state.degree for state in states)]
-        for state in states
-    )
+    heights: list[float] = []
+    for leg in flight.legs:
+        states = [one.state.select([2]) for one in leg.trajectories]
+        degree = max(state.degree for state in states)
+        heights += [float(one.elevated(degree).coefficients.max()) for one in states]
+    return max(heights)
 
 
 NO_MISSIONS = "compiled without missions: fly the log with `showc stream`"

@@ -240,7 +240,7 @@ def _can_hover(
 
 
 def _is_rigid(vehicle: Quadrotor, aircraft: Settings, reader: Reader) -> bool:
-    """Whether a rigid body can have such moments of inertia, see SHW104 below."""
+    """Whether a body can have its inertia: no moment exceeds the sum of the others."""
     most = max(vehicle.inertia)
     others = sum(vehicle.inertia) - most
     if most <= (1.0 + 1e-9) * others:
