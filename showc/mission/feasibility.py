@@ -60,15 +60,14 @@ def mission_outlook(itinerary: Itinerary) -> MissionOutlook:
     if not show.mission.wanted:
         return MissionOutlook(("the script asks for none",), ())
     least = _most_items(itinerary)
-    found = [f"{one.message}; {one.help}" for one in refusals(show, least)]
-    notes = list(lights_left_out(show))
-    if show.mission.autopilot == "px4":
-        return MissionOutlook((), (*notes, *found))
+    notes, found = list(lights_left_out(show)), list[str]()
+    for one in refusals(show, least):
+        (notes if one.written else found).append(f"{one.message}; {one.help}")
     try:
         tube(show.site.wind)
     except ExportError as error:
         found.append(str(error))
-    if not found:
+    if not found and show.mission.autopilot != "px4":
         notes += _likely(itinerary)
     return MissionOutlook(tuple(found), tuple(notes))
 

@@ -9,6 +9,7 @@ from showc.autopilot.stage import SLOWEST_COMMAND
 from showc.autopilot.takeoff import LEAST_HEIGHT
 from showc.errors import ExportError
 from showc.script.lanes import least_rest
+from showc.script.rules.missions import DATE_LINE, crosses_date_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -75,8 +76,14 @@ class Course:
         ------
         ExportError
             If missions cannot carry it: it is not one launch, transitions and one
-            landing, its launch is too low or too slow, or a formation moves.
+            landing, its launch is too low or too slow, a formation moves, or
+            longitudes jump within the flight volume.
         """
+        if crosses_date_line(show):
+            raise ExportError(
+                f"{DATE_LINE}; give a `volume` on one side of it, or fly the log with "
+                "`showc stream`"
+            )
         _refuse_motions(legs)
         found: list[Step] = []
         for number, leg in enumerate(legs):

@@ -40,6 +40,24 @@ def test_the_log_alone_is_made_and_proved(run_showc, tmp_path):
     assert run_showc("verify", "pair.mcap", cwd=tmp_path).code == 1
 
 
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("longitude", [180.0, 179.9999])
+def test_across_the_180th_meridian_is_the_log_alone(
+    run_showc, tmp_path, autopilot, longitude
+):
+    origin = f"{{origin: {{latitude: 0, longitude: {longitude}}}, "
+    script = SCRIPT.replace("site: {", f"site: {origin}")
+    script += f"mission: {{autopilot: {autopilot}}}\n"
+    (tmp_path / "far.yaml").write_text(script)
+    run = run_showc("compile", "far.yaml", "-o", "far.mcap", cwd=tmp_path, timeout=200)
+    assert run.code == 1
+    assert "no missions were written: the flight volume lies on both sides" in run.out
+    assert {path.name for path in (tmp_path / "far").iterdir()} == {"manifest.json"}
+    assert run_showc("verify", "far.mcap", cwd=tmp_path).code == 0
+    foreseen = run_showc("plan", "far.yaml", cwd=tmp_path)
+    assert "no missions: the flight volume lies on both sides" in foreseen.out
+
+
 def test_the_log_is_written_whatever_becomes_of_the_missions(run_showc, tmp_path):
     # Slots of minute and second come round within the hour that is held here.
     hour = SCRIPT.replace("hold: 1}", "hold: 3600}") + "log_rate: 1\n"

@@ -119,17 +119,23 @@ def test_no_mission_has_fewer_items_than_is_said_before(servos, autopilot, monke
 
 
 @pytest.mark.parametrize(
-    ("longitude", "volume", "said"),
+    ("latitude", "longitude", "volume", "said"),
     [
-        (179.9999, "", True),
-        (-179.9999, "", True),
+        (-16.8, 179.9999, "", True),
+        (-16.8, -179.9999, "", True),
+        (-16.8, 180.0, "", True),
         # East of it, and so far that nothing reaches it.
-        (-179.9999, ", volume: {min: [9, -90, 0], max: [90, 90, 90]}", False),
-        (-179.99, "", False),
+        (-16.8, -179.9999, ", volume: {min: [12, -90, 0], max: [90, 90, 90]}", False),
+        (-16.8, -179.99, "", False),
+        # Longitudes are nearer to each other where the volume is nearest to a pole.
+        (89, 176.7, ", volume: {min: [-1, -1, 0], max: [6000, 9999, 90]}", True),
+        (89, 176.7, ", volume: {min: [-1, -1, 0], max: [6000, 99, 90]}", False),
     ],
 )
-def test_a_site_across_the_180th_meridian_has_no_missions(longitude, volume, said):
-    origin = f"{{latitude: -16.8, longitude: {longitude}}}"
+def test_a_site_across_the_180th_meridian_has_no_missions(
+    latitude, longitude, volume, said
+):
+    origin = f"{{latitude: {latitude}, longitude: {longitude}}}"
     site = f"site: {{origin: {origin}{volume}}}\n"
     text = site + RINGS + turns(1)
     assert any("180th" in message for message, _ in warned(text)) == said

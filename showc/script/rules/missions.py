@@ -46,8 +46,14 @@ m/s]."""
 _STRIDES = np.array([1, 1 << 21, 1 << 42])
 """Numbers of cells along the axes: places are within 10 km of the origin."""
 
-METRES_PER_DEGREE = 111_000.0
-"""Length of a degree of longitude at the equator, or a little less [m]."""
+METRES_PER_DEGREE = 110_500.0
+"""Length of a degree of latitude, or of one of longitude at the equator; both are
+longer [m]."""
+
+DATE_LINE = (
+    "the flight volume lies on both sides of the 180th meridian, where longitudes jump"
+)
+"""Why missions are impossible there."""
 
 _MOST_COLOURS = 64
 """Of more colours none is looked for."""
@@ -68,6 +74,8 @@ class Refusal:
     """Where the script says it: a key, or keys of a section."""
     mark: Mark | None = None
     """The same, if it stands elsewhere."""
+    written: bool = False
+    """Whether there are missions all the same."""
 
 
 def item_budget(autopilot: str, board: str) -> int:
@@ -115,6 +123,7 @@ def refusals(show: Show, least: int | None = None) -> Iterator[Refusal]:
             f"{without}, or let a comment that passes over this finding say how they "
             "are flown",
             ("mission", "autopilot"),
+            written=True,
         )
     elif (landing := least_landing(show)) >= HOUR:
         yield Refusal(
@@ -141,8 +150,7 @@ def refusals(show: Show, least: int | None = None) -> Iterator[Refusal]:
         )
     if crosses_date_line(show):
         yield Refusal(
-            "the flight volume lies on both sides of the 180th meridian, where "
-            "longitudes jump",
+            DATE_LINE,
             f"{without}, or give a `volume` on one side of it",
             ("site",),
         )
@@ -165,9 +173,12 @@ def crosses_date_line(show: Show) -> bool:
     site, bearing = show.site, np.radians(show.site.heading)
     (west, south, _), (east, north, _) = site.volume_min, site.volume_max
     x, y = np.array([(west, south), (west, north), (east, south), (east, north)]).T
-    degree = METRES_PER_DEGREE * np.cos(np.radians(site.latitude))
+    north_by = (y * np.cos(bearing) - x * np.sin(bearing)) / METRES_PER_DEGREE
+    # Degrees of longitude are shortest where the volume is nearest to a pole.
+    latitude = float(np.abs(site.latitude + north_by).max())
+    degree = METRES_PER_DEGREE * np.cos(np.radians(latitude))
     away = site.longitude + (x * np.cos(bearing) + y * np.sin(bearing)) / degree
-    return bool((away > 180.0).any() or (away < -180.0).any())
+    return bool((away >= 180.0).any() or (away <= -180.0).any())
 
 
 def least_landing(show: Show) -> float:
