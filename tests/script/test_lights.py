@@ -65,6 +65,15 @@ def test_faulty_tables_end_in_one_message(read, tmp_path, content, message):
     assert len(found) == 1 and message in found[0].message and found[0].help
 
 
+def test_a_table_that_outlasts_its_hold_is_marked_as_a_whole(read, tmp_path):
+    (tmp_path / "it.csv").write_text("time,place,r,g,b\n0,1,1,2,3\n2000,1,255,0,0\n")
+    text = f"{HEAD}  - {{to: row, hold: 6, lights: it.csv}}\n"
+    (found,) = [one for one in read(text).diagnostics if one.code == "SHW220"]
+    assert found.message.startswith("a light comes 2000 s into the hold of `row`")
+    line = ("showc: 1\n" + text).splitlines()[found.span.line - 1]
+    assert line[found.span.column - 1 :].startswith("it.csv")
+
+
 @pytest.mark.parametrize(
     ("keys", "code", "message"),
     [

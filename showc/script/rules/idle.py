@@ -104,12 +104,14 @@ def _unseen(sketch: Sketch) -> Iterator[Diagnostic]:
         if not late:
             continue
         at, time = late[0]
-        written = asked[index].sections("lights")
+        # A table in a file has no places in the script.
+        whole = asked[index].values["lights"]
+        written = whole.value if isinstance(whole.value, list) else []
         yield Diagnostic(
             "SHW220",
             f"a light comes {number_text(time)} s into the hold of `{one.to}`, which "
             f"lasts {number_text(round(longest, 3))} s at most",
-            written[at].mark if written else asked[index].mark_of("lights"),
+            (written[at] if written else whole).mark,
             notes=(f"{counted(len(late), 'moment')} of `lights` are never seen",)
             if len(late) > 1
             else (),
