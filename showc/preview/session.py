@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import partial
@@ -96,13 +97,15 @@ class Session:
         try:
             while True:
                 stamps = self._look()
-                if stamps != self._stamps:
-                    self._stamps = stamps
-                    self._read()
-                    looks = 0
-                elif looks % _LOOKS == _LOOKS - 1:
-                    self._watch_solver()
-                looks += 1
+                saved, self._stamps = stamps != self._stamps, stamps
+                looks = 0 if saved else looks + 1
+                try:
+                    if saved:
+                        self._read()
+                    elif looks % _LOOKS == 0:
+                        self._watch_solver()
+                except Exception as fault:  # noqa: BLE001 - the next save may be sound
+                    self._fail(fault)
                 time.sleep(_PAUSE)
         finally:
             self._stop()
@@ -154,6 +157,17 @@ class Session:
             self._solver.stop()
             self._solver = None
 
+    def _fail(self, fault: Exception) -> None:
+        """Say that showc itself failed at what was saved; the picture stays."""
+        traceback.print_exception(fault)
+        self._stop()
+        text = (
+            f"internal error, not a fault of your show: {type(fault).__name__}: "
+            f"{fault}; please report it with what the terminal shows"
+        )
+        said = Finding("", "error", text, "", 0, None, ())
+        self._publish([said], {"stale": True, "solving": False})
+
     def _draw(self, *, look: bool, anyway: bool = True) -> None:
         """Lay out, draw and publish what was read; the former picture if it cannot be.
 
@@ -180,7 +194,10 @@ class Session:
                 status["stale"] = False
                 status["solved"] = len(draft.solved)
                 status["legs"] = len(draft.itinerary.legs)
-        findings += self._trouble
+        self._publish([*findings, *self._trouble], status)
+
+    def _publish(self, findings: list[Finding], status: dict[str, Any]) -> None:
+        """Give the page what is shown, with findings."""
         payload, pictures, header = self._shown
         about = {
             "scene": header,

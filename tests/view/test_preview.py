@@ -242,6 +242,31 @@ def test_every_save_is_drawn_and_mistakes_leave_the_last_picture(tmp_path):
         assert found["findings"][0]["line"] == 9
 
 
+def test_faults_of_showc_leave_the_last_picture_until_the_next_save(
+    tmp_path, monkeypatch, capfd
+):
+    def broken(*_, **__):
+        raise RuntimeError("no such thing")
+
+    script = tmp_path / "show.yaml"
+    script.write_text(SMALL, "utf-8")
+    with following(script, tmp_path) as session:
+        until(lambda: session.version >= 1)
+        for name in ("load_show", "lay_out"):
+            with monkeypatch.context() as patch:
+                patch.setattr(f"showc.preview.session.{name}", broken)
+                script.write_text(SMALL.replace("Small", f"Not {name}"), "utf-8")
+                until(lambda: about(session)["status"]["stale"])
+            found = about(session)
+            assert found["scene"]["name"] == "Small"
+            (finding,) = found["findings"]
+            assert "internal error" in finding["message"]
+            assert "no such thing" in finding["message"]
+            script.write_text(SMALL, "utf-8")
+            until(lambda: not about(session)["status"]["stale"])
+    assert "Traceback" in capfd.readouterr().err
+
+
 def test_findings_say_when_and_where_they_can_be_seen(tmp_path):
     script = tmp_path / "show.yaml"
     near = SMALL.replace("radius: 6, centre", "radius: 0.9, centre")
