@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import UsageError
-from showc.foreign.motion import place_at
+from showc.foreign.motion import jumps, place_at
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -92,11 +92,15 @@ class Act:
 
 
 def holds(tracks: Tracks) -> list[Span]:
-    """Return the times in which no drone moves, in order [s]."""
+    """Return the times in which no drone moves or jumps, in order [s]."""
     width = np.maximum(tracks.ends - tracks.starts, 1e-9)
     reach = tracks.position.max(axis=1) - tracks.position.min(axis=1)
     moving = np.sqrt((reach**2).sum(axis=1)) > STILL * width
-    begin, end = tracks.starts[moving], tracks.ends[moving]
+    rows, missed = jumps(tracks)
+    # What stands and then jumps is no slower than what goes there meanwhile.
+    rows = rows[np.sqrt((missed**2).sum(axis=1)) > STILL * width[rows - 1]]
+    begin = np.concatenate([tracks.starts[moving], tracks.starts[rows]])
+    end = np.concatenate([tracks.ends[moving], tracks.starts[rows]])
     order = np.argsort(begin)
     found: list[Span] = []
     free = tracks.begin

@@ -208,6 +208,10 @@ BYTES_EACH = 6
 take more even when packed, so memory stays in proportion to what is there."""
 
 
+_ENDS = 2
+"""Coefficients of a piece at least: its ends, also where it is a constant."""
+
+
 class Courses:
     """Courses of a fleet, gathered up to what a show may have.
 
@@ -222,7 +226,7 @@ class Courses:
         files = path.iterdir() if path.is_dir() else [path]
         size = sum(file.stat().st_size for file in files if file.is_file())
         self._most = max(MOST_CONTROLS, size // BYTES_EACH)
-        self._pieces, self._width = 0, 0
+        self._pieces, self._width = 0, _ENDS
 
     def add(self, course: Course) -> None:
         """Take the course of the next drone.
@@ -257,7 +261,7 @@ def fleet(courses: Sequence[Course]) -> Tracks:
     """
     begin = min(0.0, *(float(course.times[0]) for course in courses))
     end = max(float(course.times[-1]) for course in courses)
-    degree = max(course.position.shape[1] for course in courses) - 1
+    degree = max(_ENDS, *(course.position.shape[1] for course in courses)) - 1
     starts, ends, rows, counts = [], [], [], []
     for course in courses:
         low, high, body = course.times[:-1], course.times[1:], course.position

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from showc.errors import DamagedFileError, UsageError
+from showc.foreign.acts import holds
 from showc.foreign.facts import Asked
 from showc.foreign.firmware import as_stored
 from showc.foreign.motion import derivative, place_at
@@ -666,6 +667,19 @@ def test_what_steps_from_place_to_place_jumps(tmp_path):
     path.write_text(json.dumps(top))
     assert "VRF502" in findings(path)
     assert place_at(read_show(path).tracks, 0.9)[0] == pytest.approx([0, -2, 1])
+
+
+def test_a_fleet_that_only_steps_is_judged_and_holds_between(tmp_path):
+    # Up by the firmware's take-off height, then aside, and down.
+    keys = [0, 2, 4, 6, 0, 0, 0, 0, 2.5, 0, 3, 2.5, 0, 0, 0, 0]
+    data = base64.b64encode(np.array(keys, "<f4").tobytes()).decode()
+    buffers = [{"uri": f"data:;base64,{data}", "byteLength": 64}]
+    top = scene(4, buffers=buffers)
+    top["animations"][0]["samplers"][0]["interpolation"] = "STEP"
+    path = tmp_path / "a.gltf"
+    path.write_text(json.dumps(top))
+    assert "VRF502" in findings(path)
+    assert holds(read_show(path).tracks) == [(0, 2), (2, 4), (4, 6)]
 
 
 def test_nodes_of_another_scene_do_not_fly(tmp_path):
