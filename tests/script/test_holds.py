@@ -43,6 +43,29 @@ def test_what_cannot_be_flown_is_refused_with_what_would_do(to, motion, said):
     assert said in message
 
 
+AREA = "[[-15, -15], [15, -15], [15, 15], [-15, 15]]"
+NOTCHED = "[[-15, -15], [15, -15], [15, -9], [6, 0], [15, 9], [15, 15], [-15, 15]]"
+
+
+@pytest.mark.parametrize(
+    ("site", "motion", "said"),
+    [
+        (f"fence: {AREA}", "{travel: [[11, 0, 0], [0, 0, 0]]}", "leaves the fence"),
+        (f"fence: {AREA}, fence_margin: 3", "{travel: [[8, 0, 0]]}", "within 2 m"),
+        # The places that are furthest out pass this corner on both sides.
+        (f"fence: {NOTCHED}", "{travel: [[4, 0, 0], [0, 0, 0]]}", "leaves the fence"),
+        (f"fence: {AREA}, fence_margin: 3", "{travel: [[1.9, 0, 0], [0, 0, 0]]}", ""),
+        (f"fence: {AREA}", "{rotate: 90}", ""),
+    ],
+)
+def test_motions_that_lead_over_the_fence_are_refused(site, motion, said):
+    top = f"mission: {{wanted: false}}\nsite: {{{site}}}\n"
+    found = refused(read("flat", motion, "hold: 40, ", music=top))
+    assert len(found) == bool(said) and all(said in one for one in found)
+    if said:
+        assert " s into its motion" in found[0]
+
+
 def trouble(show):
     leg = next(leg for leg in build_itinerary(show).legs if leg.kind == "motion")
     aircraft = Aircraft(show.vehicle, leg.limits, show.yaw, show.heading)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.script.diagnostic import Diagnostic, Spot
+from showc.script.fence import LEAST, TOLERANCE, Fence
 from showc.script.formations.spacing import closest
 from showc.script.lanes import (
     SHORTEST_MOTION,
@@ -24,7 +25,7 @@ from showc.script.lanes import (
     over,
     own_times,
 )
-from showc.script.language.wording import measured_text, number_text
+from showc.script.language.wording import measured_text, number_text, point_text
 from showc.script.moving import moving_places
 from showc.script.rules.least_time import least_duration
 from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
@@ -235,6 +236,7 @@ class _Flown:
             self._beyond(rows, states)
             or self._unbalanced()
             or self._outside(rows, states)
+            or self._beyond_fence(rows, states)
             or self._near(moments)
         )
 
@@ -359,6 +361,38 @@ class _Flown:
             "allowed",
             "make the motion smaller, move the formation, or enlarge `site: volume:`",
             Spot(self.name, (place,)),
+        )
+
+    def _beyond_fence(self, rows: IntArray, states: FloatArray) -> _Fault | None:
+        """Places that would leave the fence, or come nearer to it than its margin."""
+        fence = Fence.of(self.show.site)
+        if fence is None:
+            return None
+        level = states[0][..., :2]
+        middle = 0.5 * (level.min(axis=0) + level.max(axis=0))
+        radius = np.linalg.norm(level - middle, axis=2).max(axis=0)
+        doubtful = fence.clearance(middle) - radius < fence.margin - TOLERANCE
+        # What stands too near already is another finding's.
+        doubtful &= fence.keeps(self.points[rows, :2])
+        rows, places = rows[doubtful], states[0][:, doubtful]
+        flat = places[..., :2].reshape(-1, 2)
+        clearance = fence.clearance(flat).reshape(places.shape[:2])
+        if clearance.min(initial=np.inf) >= fence.margin - TOLERANCE:
+            return None
+        instant, row = np.unravel_index(int(np.argmin(clearance)), clearance.shape)
+        place, left = int(rows[row]), float(clearance[instant, row])
+        moment = f"{self.instants[instant]:.1f} s into its motion"
+        said = f"leaves the fence {moment}"
+        if left >= LEAST:
+            said = (
+                f"comes within {measured_text(left, fence.margin)} m of the fence "
+                f"{moment}; the margin is {number_text(fence.margin)} m"
+            )
+        return _Fault(
+            f"place {place + 1} of `{self.name}` {said}",
+            "make the motion smaller, or move the formation or the fence",
+            Spot(self.name, (place,)),
+            (f"it is at {point_text(places[instant, row])}",),
         )
 
     def _near(self, moments: int) -> _Fault | None:
