@@ -66,6 +66,25 @@ def test_motions_that_lead_over_the_fence_are_refused(site, motion, said):
         assert " s into its motion" in found[0]
 
 
+@pytest.mark.parametrize(
+    ("east", "motion", "code"),
+    [(6, "{travel: [[2, 0, 0], [0, 0, 0]]}", "SHW217"), (8, "{rotate: 9}", "SHW203")],
+)
+@pytest.mark.parametrize("margin", [0, 3])
+def test_without_a_fence_the_margin_is_kept_from_the_walls(east, motion, code, margin):
+    walls = "volume: {min: [-15, -15, 0], max: [15, 15, 40]}"
+    text = f"""showc: 1
+drones: 4
+mission: {{wanted: false}}
+site: {{{walls}, fence_margin: {margin}}}
+formations: {{ring: {{type: circle, radius: 5, centre: [{east}, 0, 20]}}}}
+transitions: [{{to: ring, hold: 40, motion: [{motion}]}}]
+"""
+    errors = read_show(text.encode()).errors
+    assert [one.code for one in errors] == [code] * bool(margin)
+    assert all("3 m from the walls" in one.notes[-1] for one in errors)
+
+
 def trouble(show):
     leg = next(leg for leg in build_itinerary(show).legs if leg.kind == "motion")
     aircraft = Aircraft(show.vehicle, leg.limits, show.yaw, show.heading)

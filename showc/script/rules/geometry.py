@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.script.mark import Mark
     from showc.script.sections.build import Sketch
-    from showc.script.show import Formation
+    from showc.script.show import Formation, Site
 
 
 _SLACK = 1e-9
@@ -146,11 +146,11 @@ def _measure(shape: str) -> str:
 
 
 def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
-    """Places outside the flight volume (SHW203)."""
+    """Places outside the flight volume, or too near its walls (SHW203)."""
     site = sketch.site
     if site is None:
         return
-    low, high = np.array(site.volume_min), np.array(site.volume_max)
+    low, high = map(np.array, site.room)
     asked = sketch.settings.section("site").section("volume").mark
     for formation, points, what, mark in _stands(sketch):
         beyond = np.maximum(low - points, points - high)
@@ -178,10 +178,19 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
                     f"the formation reaches from {point_text(points.min(axis=0))} to "
                     f"{point_text(points.max(axis=0))}"
                 ),
+                *wall_notes(site),
             ),
             help="move the formation, make it smaller, or enlarge `site: volume:`",
             spot=Spot(formation.name, (place,)),
         )
+
+
+def wall_notes(site: Site) -> tuple[str, ...]:
+    """Say how near the walls drones may come, where these are the fence."""
+    if site.fence is not None or not site.fence_margin:
+        return ()
+    kept = number_text(site.fence_margin)
+    return (f"without `fence`, `fence_margin` keeps drones {kept} m from the walls",)
 
 
 def _stands(sketch: Sketch) -> Iterator[tuple[Formation, FloatArray, str, Mark]]:

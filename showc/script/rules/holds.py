@@ -27,6 +27,7 @@ from showc.script.lanes import (
 )
 from showc.script.language.wording import measured_text, number_text, point_text
 from showc.script.moving import moving_places
+from showc.script.rules.geometry import wall_notes
 from showc.script.rules.least_time import least_duration
 from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.vehicle.flatness import attitude_and_thrust
@@ -341,7 +342,7 @@ class _Flown:
     def _outside(self, rows: IntArray, states: FloatArray) -> _Fault | None:
         """Places that would leave the flight volume."""
         site = self.show.site
-        low, high = np.array(site.volume_min), np.array(site.volume_max)
+        low, high = map(np.array, site.room)
         beyond = np.maximum(low - states[0], states[0] - high)
         instant, row, axis = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
         if beyond[instant, row, axis] <= _ROUNDING:
@@ -361,6 +362,7 @@ class _Flown:
             "allowed",
             "make the motion smaller, move the formation, or enlarge `site: volume:`",
             Spot(self.name, (place,)),
+            wall_notes(site),
         )
 
     def _beyond_fence(self, rows: IntArray, states: FloatArray) -> _Fault | None:
