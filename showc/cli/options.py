@@ -199,13 +199,16 @@ def system_ids(
     Raises
     ------
     UsageError
-        If there are not as many of one as of the other.
+        If both are given, and not as many of one as of the other.
     """
     if systems is None:
         return None
-    if len(drones or ()) != len(systems):
+    if drones is None:
+        # All of them; how many these are, the show says.
+        return dict(enumerate(systems, 1))
+    if len(drones) != len(systems):
         raise UsageError(
-            f"--systems has {len(systems)} ids, --drones {len(drones or ())} drones; "
+            f"--systems has {len(systems)} ids, --drones {len(drones)} drones; "
             "give the same number of both, such as --drones 251-500 --systems 1-250"
         )
-    return dict(zip(drones or (), systems, strict=True))
+    return dict(zip(drones, systems, strict=True))

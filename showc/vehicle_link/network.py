@@ -18,7 +18,7 @@ from showc.vehicle_link.clock import WallClock
 from showc.vehicle_link.frames import Codec, Framer
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from types import TracebackType
 
     from showc.vehicle_link.clock import Clock
@@ -111,6 +111,24 @@ class _Home:
 
     link: _Link
     origin: Origin
+
+
+def ids_of(drones: Sequence[int], systems: Mapping[int, int] | None) -> list[int]:
+    """Return the system id of each of some ``drones``; by default, their numbers.
+
+    Raises
+    ------
+    UsageError
+        If ``systems`` are those of other drones.
+    """
+    if systems is None:
+        return list(drones)
+    if set(drones) != set(systems):
+        raise UsageError(
+            f"--systems has {len(systems)} ids for {len(drones)} drones; give one for "
+            "each, or name the drones, such as --drones 251-500 --systems 1-250"
+        )
+    return [systems[drone] for drone in drones]
 
 
 def _sound(systems: Sequence[int]) -> frozenset[int]:

@@ -13,7 +13,7 @@ from showc.log.reader import read_log
 from showc.progress import Silent
 from showc.vehicle_link.conductor import Conductor
 from showc.vehicle_link.flown import FlownLog
-from showc.vehicle_link.network import Network
+from showc.vehicle_link.network import Network, ids_of
 from showc.vehicle_link.setpoints import stream_plan
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class StreamOptions:
     """Whether ArduCopter flies with the gains that the envelope was measured with:
     those of a simulated quadrotor."""
     systems: Mapping[int, int] | None = None
-    """MAVLink system id of a drone (counting from 1) where it is not its number."""
+    """MAVLink system id of each drone (counting from 1); None: its number."""
     key: bytes | None = None
     """Signing key of 32 bytes; None: messages are not signed."""
 
@@ -179,7 +179,7 @@ def stream_show(
     show = read_log(log)
     plan = stream_plan(show, drones)
     epoch = int(show.metadata.get("epoch_ns", "0"))
-    systems = [options.system(drone) for drone in plan.drones]
+    systems = ids_of([drone + 1 for drone in plan.drones], options.systems)
     stop = Stop()
     with Network(connections, systems, key=options.key, clock=clock) as network:
         conductor = Conductor(plan, network, options, progress, stop)

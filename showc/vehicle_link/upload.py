@@ -13,7 +13,13 @@ from showc.files import UnreadableFileError, read_file, write_file
 from showc.progress import Silent
 from showc.vehicle_link.clock import WallClock
 from showc.vehicle_link.folder import read_fleet
-from showc.vehicle_link.network import AUTOPILOT_COMPONENT, LISTENING, Address, Network
+from showc.vehicle_link.network import (
+    AUTOPILOT_COMPONENT,
+    LISTENING,
+    Address,
+    Network,
+    ids_of,
+)
 from showc.vehicle_link.transfer import RUNS, State, Transfer
 
 if TYPE_CHECKING:
@@ -90,7 +96,7 @@ class UploadOptions:
     timeout: float = 30.0
     """Time in which a vehicle must show up [s]."""
     systems: Mapping[int, int] | None = None
-    """MAVLink system id of a drone (counting from 1) where it is not its number."""
+    """MAVLink system id of each drone (counting from 1); None: its number."""
     parameters: bool = True
     """Whether the parameters beside the missions are written and read back too."""
     missing: bool = False
@@ -142,11 +148,12 @@ def upload_missions(
     fleet = read_fleet(folder)
     former = [] if audit is None else _former(audit)
     chosen = _chosen(fleet, drones)
+    numbers = [mission.drone for mission in chosen]
+    ids = dict(zip(numbers, ids_of(numbers, options.systems), strict=True))
     if options.missing:
         holding = _holding(fleet, former)
         chosen = [mission for mission in chosen if mission.drone not in holding]
-    ids = options.systems or {}
-    vehicles = [ids.get(mission.drone, mission.drone) for mission in chosen]
+    vehicles = [ids[mission.drone] for mission in chosen]
     transfers = {
         mission: Transfer(
             Address(system, AUTOPILOT_COMPONENT),

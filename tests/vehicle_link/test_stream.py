@@ -122,6 +122,12 @@ def flown_with(world, flight, log, port, *, faults=None, options=None, **given):
     return vehicles, stream(world, log, port, options=options or {})
 
 
+def test_system_ids_for_another_number_of_drones_are_refused(world, log, port):
+    systems = {drone: drone + 10 for drone in (1, 2, 3, 4)}
+    with pytest.raises(UsageError, match="4 ids for 3 drones"):
+        stream(world, log, port, options={"systems": systems})
+
+
 @pytest.fixture(scope="module")
 def flown(log, flight, tmp_path_factory):
     """One whole show on three vehicles: report, vehicles, log of what was flown."""

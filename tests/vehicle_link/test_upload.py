@@ -148,9 +148,17 @@ def test_drones_beyond_one_network_have_ids_of_their_own_on_it(world, folder, po
 def test_system_ids_are_paired_with_drones_in_order():
     assert system_ids(numbers("251-253"), numbers("1-3")) == {251: 1, 252: 2, 253: 3}
     assert system_ids([1, 2], None) is None
-    for drones in (None, [251]):
-        with pytest.raises(UsageError, match="the same number of both"):
-            system_ids(drones, [1, 2])
+    with pytest.raises(UsageError, match="the same number of both"):
+        system_ids([251], [1, 2])
+
+
+def test_system_ids_without_drones_are_those_of_the_whole_fleet(world, folder, port):
+    systems = system_ids(None, numbers("11-13"))
+    assert systems == {1: 11, 2: 12, 3: 13}
+    for system in systems.values():
+        world.add(Vehicle(port, system))
+    report = upload(world, folder, port, systems=systems)
+    assert report.complete and [one.drone for one in report.vehicles] == [1, 2, 3]
 
 
 def test_parameters_can_be_left_alone(world, folder, port):
@@ -529,8 +537,9 @@ def test_a_file_too_many_or_too_few_is_refused(world, folder, port):
         ([], None, None, "no connection"),
         (["carrier pigeon"], None, None, "is not understood"),
         (["udpin:127.0.0.1:0"], [9], None, "drone 9 is not in"),
-        (["udpin:127.0.0.1:0"], None, {1: 2}, "same system id"),
-        (["udpin:127.0.0.1:0"], None, {1: 300}, "out of range"),
+        (["udpin:127.0.0.1:0"], [1, 2], {1: 2, 2: 2}, "same system id"),
+        (["udpin:127.0.0.1:0"], [1], {1: 300}, "out of range"),
+        (["udpin:127.0.0.1:0"], None, {1: 1, 2: 2}, "2 ids for 3 drones"),
     ],
 )
 def test_wrong_usage_is_refused(folder, connections, drones, systems, message):
