@@ -88,6 +88,8 @@ def test_lengths_are_counted_in_beats_wherever_one_is_written():
         ("@chorus", 12.25),
         ("@Chorus", 12.25),
         ("@chorus + 2 beats", 13.25),
+        ("@chorus + 00:01.5", 13.75),
+        ("@chorus - 00:00:01:12@24", 10.75),
         ("@chorus - 1 bar", 10.25),
         ("bar 9 + 250 ms", 16.75),
     ],

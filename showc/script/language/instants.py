@@ -160,7 +160,8 @@ def _length(text: str) -> tuple[float, str]:
         return float(match.group(1)), "bars" if "bar" in match.group(2) else "beats"
     if _BAR.fullmatch(text) or _BEAT.fullmatch(text):
         raise _no_length(text)
-    return _seconds(text), "s"
+    clocked = _clocked(text)
+    return (_seconds(text) if clocked is None else clocked), "s"
 
 
 def _seconds(text: str) -> float:
