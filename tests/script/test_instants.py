@@ -184,6 +184,18 @@ def test_a_cue_in_plain_text_needs_quotes():
     assert '"@chorus"' in result.diagnostics[0].help
 
 
+@pytest.mark.parametrize(
+    ("label", "cue"),
+    [("Verse 1", "Verse_1"), ("2nd drop", "cue_2nd_drop"), ("Припев 1", "Припев_1")],
+)
+def test_a_label_that_is_no_name_is_answered_with_the_name_of_its_cue(label, cue):
+    with pytest.raises(ScriptError, match="is no name of a cue") as refused:
+        parse_instant(f"@{label} + 2 beats")
+    assert f"`@{cue}`" in refused.value.help
+    ((name, _),) = read_cues(f"20.5\t20.5\t{label}\n".encode(), "labels.txt")
+    assert name == cue
+
+
 def test_an_effect_in_beats_is_not_said_to_lack_the_tempo_of_music_with_a_fault():
     effect = "music: {bpm: 100, cues: {'b c': %s}}\nformations:\n  row: {type: line, "
     effect += "length: 6, centre: [0, 0, 20], effect: {kind: pulse, beats: 2}}\n"

@@ -179,6 +179,10 @@ def _seconds(text: str) -> float:
         said = _COUNTED.fullmatch(text)
         if said is not None:
             why = f"`{text}`: {said.group(1)}s count from 1"
+        elif text.startswith("@") and not re.search("[+-]", text):
+            why = f"`{text}` is no name of a cue"
+            advice = f"write `_` for what is no letter or digit: `@{_name(text)}`"
+            raise ScriptError("SHW103", why, help_text=advice) from None
         elif re.fullmatch(r"[\d:;.]+(@[\d.]+)?", text):
             why = f"`{text}` is not a time: minutes and seconds end at 59"
         else:
@@ -406,14 +410,19 @@ def _file_instant(text: str) -> Instant:
     return parse_instant(text)
 
 
+def _name(label: str) -> str:
+    """Return the name of the cue that a label stands for."""
+    name = re.sub(r"\W+", "_", label).strip("_") or "cue"
+    return f"cue_{name}" if name[0].isdigit() else name
+
+
 def _row(
     cells: list[str], columns: tuple[int, int], taken: dict[str, int], where: str
 ) -> tuple[str, Instant]:
     if len(cells) <= max(columns):
         raise ScriptError("SHW110", f"{where}: expected a name and a time")
     label, written = cells[columns[0]], cells[columns[1]]
-    name = re.sub(r"\W+", "_", label).strip("_") or "cue"
-    name = name if not name[0].isdigit() else f"cue_{name}"
+    name = _name(label)
     taken[name] = taken.get(name, 0) + 1
     if taken[name] > 1:
         name = f"{name}_{taken[name]}"
