@@ -114,9 +114,19 @@ def variants():
         ("transitions", [{"hold": 3}], False),
     ]:
         yield {**BASE, key: value}, right
+    for more, right in [
+        ({"again": "ring"}, True),
+        ({"again": "a ring"}, False),
+        ({"two": {"parts": ["ring", {"like": "ring"}]}}, True),
+        ({"two": {"parts": []}}, False),
+    ]:
+        yield {**BASE, "formations": {**BASE["formations"], **more}}, right
     for changes, right in [
         ({"colour": "gold"}, True),
         ({"colour": "golden"}, False),
+        ({"colour": "LightGoldenrodYellow"}, True),
+        ({"colour": {"gradient": ["RED", "Blue"]}}, True),
+        ({"colour": "RGB(255, 136, 0)"}, True),
         ({"colour": "#ff8800"}, True),
         ({"colour": {"gradient": ["red", "blue"], "along": [0, 0, 1]}}, True),
         ({"colour": {"gradient": ["red"]}}, False),

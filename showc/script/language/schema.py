@@ -66,7 +66,10 @@ def _object(section: kinds.Section, definitions: dict[str, Schema]) -> Schema:
 
 
 def _formation(definitions: dict[str, Schema]) -> Schema:
-    """Return the schema of a formation: one alternative for each type, like, parts."""
+    """Return the schema of a formation: one alternative for each type, like, parts.
+
+    And a bare name, which is short for ``like``.
+    """
     common = {
         field.key: _property(field, definitions)
         for field in _FORMATION.fields
@@ -99,6 +102,8 @@ def _formation(definitions: dict[str, Schema]) -> Schema:
                     "additionalProperties": False,
                 }
             )
+            if key == _FORMATION.short:
+                alternatives.append(_kind(field.kind, definitions))
     return {"description": _FORMATION.description, "anyOf": alternatives}
 
 
@@ -268,13 +273,16 @@ def _time() -> Schema:
 
 
 def _paint() -> Schema:
+    names = "|".join(map(_any_case, COLOUR_NAMES))
     return {
         "title": "A CSS colour name, [255, 136, 0], or hexadecimal in quotes "
         '("#ff8800")',
         "anyOf": [
+            # For completion; then the same in capitals or both.
             {"type": "string", "enum": list(COLOUR_NAMES)},
+            {"type": "string", "pattern": f"^({names})$"},
             {"type": "string", "pattern": "^#?([0-9a-fA-F]{3}|[0-9a-fA-F]{6})$"},
-            {"type": "string", "pattern": r"^rgba?\([ 0-9,]+\)$"},
+            {"type": "string", "pattern": rf"^{_any_case('rgb')}[aA]?\([ 0-9,]+\)$"},
             {
                 "type": "array",
                 "items": {"type": "integer", "minimum": 0, "maximum": 255},
@@ -283,3 +291,8 @@ def _paint() -> Schema:
             },
         ],
     }
+
+
+def _any_case(word: str) -> str:
+    """Return a pattern of a word in small letters, capitals or both."""
+    return "".join(f"[{letter}{letter.upper()}]" for letter in word)
