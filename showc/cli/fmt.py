@@ -40,8 +40,8 @@ def command(scripts: tuple[str, ...], check: bool, diff: bool) -> int:
             click.echo(f"error: {name!r} cannot be read: {fault.reason}", err=True)
             code = 2
             continue
-        root, text, found = parse_document(content, name)
-        if root is None or found:
+        _, text, found = parse_document(content, name)
+        if found:
             click.echo(render(found, {name: text}).rstrip("\n"), err=True)
             code = 2
             continue

@@ -176,6 +176,20 @@ def test_what_is_no_yaml_is_left_alone(tmp_path, capsys):
     assert path.read_text("utf-8") == "showc: [1\n"
 
 
+@pytest.mark.parametrize(
+    ("written", "formatted"),
+    [("", ""), ("\n\n", ""), ("# none yet\n", "# none yet\n"), ("---", "---\n")],
+)
+def test_an_empty_script_has_a_layout_too(tmp_path, capsys, written, formatted):
+    path = tmp_path / "show.yaml"
+    path.write_text(written, "utf-8")
+    differs = written != formatted
+    assert run(["fmt", "--check", str(path)]) == differs
+    assert bool(capsys.readouterr().out) == differs
+    assert run(["fmt", str(path)]) == 0
+    assert path.read_text("utf-8") == formatted
+
+
 def test_what_would_say_something_else_is_left_alone(tmp_path, capsys):
     path = tmp_path / "show.yaml"
     path.write_text("a:  1\nb:\n  i\u2028t: x\n", "utf-8")
