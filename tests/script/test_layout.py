@@ -146,6 +146,11 @@ def test_shows_of_the_project_have_the_layout(path):
             "a:\n  b: 1\n  # of b\n# of a\nc: 2\n",
         ),
         ("a: |+\n     x\n\n\nb: 1\n", "a: |+\n     x\n\n\nb: 1\n"),
+        # At the end of the text too, line breaks may be part of a value.
+        ("a:  >+\n  x\n  y\n\n\n", "a: >+\n  x\n  y\n\n\n"),
+        ("a:  |\n  x\n\n\n", "a: |\n  x\n"),
+        ("a:  |\n  x", "a: |\n  x"),
+        ("a:  |+\n  x\n\n# why\n\n", "a: |+\n  x\n\n# why\n"),
         ("", ""),
         ("# only\n", "# only\n"),
     ],

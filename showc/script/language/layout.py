@@ -117,8 +117,13 @@ class _Layout:
         """Return the whole text."""
         for token in yaml.scan(self.text, Loader=LOADER):
             self._take(token)
+        rest, written = self.text[self.place :], len(self.out)
         self._gap(len(self.text), 0, 0, None)
-        whole = "".join(self.out).strip("\n")
+        whole = "".join(self.out).lstrip("\n")
+        if len(self.out) == written and _in_block(self.last):
+            # Line breaks at the end of the text may be part of its last value.
+            return f"{whole}\n" if "\n" in rest else whole
+        whole = whole.rstrip("\n")
         return f"{whole}\n" if whole else ""
 
     def _take(self, token: Any) -> None:  # noqa: ANN401 - of a library without types
@@ -150,7 +155,7 @@ class _Layout:
             base += STEP  # a value on a line of its own
         self._gap(start, column, base + STEP * self.depth, token)
         raw = self.text[start:end]
-        if isinstance(token, yaml.ScalarToken) and token.style in _BLOCK_STYLES:
+        if _in_block(token):
             # The lines after it that are part of the token and not of its value.
             raw = raw.rstrip(" ") if "+" in raw.split("\n", 1)[0] else _ended(raw)
         self.out.append(self._written(token, raw))
@@ -236,6 +241,11 @@ class _Layout:
             return " "
         tight = isinstance(token, _TIGHT_BEFORE) or isinstance(self.last, _OPENING)
         return "" if tight else " "
+
+
+def _in_block(token: Any) -> bool:  # noqa: ANN401 - of a library without types
+    """Tell whether a token is a text of lines, after ``|`` or ``>``."""
+    return isinstance(token, yaml.ScalarToken) and token.style in _BLOCK_STYLES
 
 
 def _ended(raw: str) -> str:
