@@ -175,19 +175,28 @@ def strays(tracks: Tracks, begin: float, end: float) -> float:
     return float(np.median(aside[moved] / np.maximum(length[moved], 1e-12)))
 
 
+def row_step(tracks: Tracks, act: Act) -> float:
+    """Return how far apart in time a file of straight lines has its rows in an act [s].
+
+    Zero for files of curves, which say what is between.
+    """
+    inside = (tracks.starts >= act.begin - 1e-6) & (tracks.ends <= act.end + 1e-6)
+    widths = (tracks.ends - tracks.starts)[inside]
+    straight = tracks.position.shape[1] == 2
+    return float(np.median(widths)) if straight and widths.size else 0.0
+
+
 def frames_of(tracks: Tracks, act: Act) -> Frames | None:
-    """Return the frames of a moving picture; None: it is too long for its drones.
+    """Return the frames of a moving picture; None: they would be too far apart.
+
+    Either the picture is too long for its drones, or the file has too few rows.
 
     A script draws the B-spline of degree five whose control points the frames are. So
     they lie as far outside of the file as that curve goes inside of them, and are its
     corners, where it is one of straight lines: between them nothing is known.
     """
-    inside = (tracks.starts >= act.begin - 1e-6) & (tracks.ends <= act.end + 1e-6)
-    widths = (tracks.ends - tracks.starts)[inside]
-    straight = tracks.position.shape[1] == 2
-    step = float(np.median(widths)) if straight and widths.size else FINEST
     length = act.end - act.begin
-    step = max(step, FINEST, length * tracks.drones / MOST_ROWS)
+    step = max(row_step(tracks, act), FINEST, length * tracks.drones / MOST_ROWS)
     count = max(round(length / step), 3)
     step = length / count
     if step > COARSEST * 1.01:

@@ -21,9 +21,11 @@ from showc.foreign.acts import (
     COARSEST,
     MOST_ROWS,
     SHORTEST_HOLD,
+    Act,
     acts,
     frames_of,
     holds,
+    row_step,
 )
 from showc.foreign.lights import FRAME, read_lights
 from showc.foreign.motion import place_at
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.arrays import ByteArray, FloatArray
-    from showc.foreign.acts import Act, Frames, Span
+    from showc.foreign.acts import Frames, Span
     from showc.foreign.show import ForeignShow, LightTrack
 
 
@@ -411,6 +413,18 @@ def _table(places: FloatArray, colours: ByteArray | None) -> str:
     return "\n".join(rows) + "\n"
 
 
+def _too_far_apart(show: ForeignShow, picture: Picture) -> str:
+    """Say why a moving picture has no frames."""
+    apart = row_step(show.tracks, Act(picture.begin, picture.end, moves=True))
+    if apart > COARSEST:
+        return f"the file's rows are {apart:.1f} s apart; wanted {COARSEST:g} s or less"
+    length = picture.end - picture.begin
+    return (
+        f"frames of {show.drones} drones for {length:.1f} s would be more than "
+        f"{COARSEST:g} s apart"
+    )
+
+
 def _lost(
     show: ForeignShow, found: list[Picture], tables: Mapping[str, str]
 ) -> tuple[str, ...]:
@@ -424,8 +438,7 @@ def _lost(
         "which drone is where: drones are assigned anew",
     ]
     notes += [
-        f"how {one.name} moves: frames of {show.drones} drones for "
-        f"{one.end - one.begin:.1f} s would be more than {COARSEST:g} s apart"
+        f"how {one.name} moves: {_too_far_apart(show, one)}"
         for one in found
         if one.moves and one.frames is None
     ]

@@ -111,6 +111,18 @@ def test_what_is_not_in_the_script_is_said():
     assert "15.0 s of 20.0 s" in lost and "assigned anew" in lost and "lights" in lost
 
 
+def test_why_a_moving_picture_has_no_frames_is_said():
+    times = np.arange(0.0, 21.0)
+    courses = [
+        polyline(times, np.stack([times, 9.0 * np.sin(times), 20.0 + 0.0 * times], 1))
+    ]
+    show = ForeignShow("a.csv", "CSV", "a", ("1",), fleet(courses))
+    (why,) = [
+        one for one in import_show(show, "x", (), [(5, 15)]).lost if "move-1" in one
+    ]
+    assert why.endswith("the file's rows are 1.0 s apart; wanted 0.5 s or less")
+
+
 def test_our_own_export_comes_back(tmp_path):
     from io import BytesIO
 
