@@ -138,6 +138,12 @@ def pictures(
     UsageError
         If one of them is none of the show.
     """
+    begin, end = show.tracks.begin, show.tracks.end
+    for at in instants:
+        if not begin <= at <= end:
+            raise UsageError(
+                f"{at:g} s is no time of the show; wanted {begin:g} to {end:g} s"
+            )
     spans = [*holds(show.tracks), *((at, at) for at in instants)]
     stands = [one for one in held(show, spans) if one.name != GROUND]
     found: list[Picture] = []

@@ -65,6 +65,9 @@ def test_pictures_are_the_holds_in_the_air():
 def test_instants_that_are_asked_for_become_pictures_too():
     found = pictures(staged(), [11.0])
     assert [picture.begin for picture in found] == [6.0, 11.0, 13.0]
+    for outside in (-1.0, 1000.0):
+        with pytest.raises(UsageError, match="no time of the show; wanted 0 to 20 s"):
+            pictures(staged(), [11.0, outside])
 
 
 def test_a_show_that_never_holds_asks_for_instants():
