@@ -198,7 +198,9 @@ def _clip(animation: dict[str, Any]) -> str:
 
 def _placed_keys(keys: Keys, put: FloatArray, what: str) -> Keys:
     """Return keys as ``put`` (4, 4) puts their node into the world, show frame."""
-    values = keys.values @ put[:3, :3].T
+    # What is not finite, or becomes so, is refused with its number.
+    with np.errstate(invalid="ignore", over="ignore"):
+        values = keys.values @ put[:3, :3].T
     # Tangents are turned and scaled, but not shifted.
     shift = np.broadcast_to(put[:3, 3], values.shape).copy()
     if keys.way == "CUBICSPLINE":

@@ -6,6 +6,7 @@ import json
 import struct
 import zipfile
 import zlib
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pytest
@@ -576,6 +577,19 @@ def test_a_buffer_may_have_a_name_with_blanks(tmp_path):
     top["buffers"][0]["uri"] = "%2E%2E/my%20show.bin"
     path.write_text(json.dumps(top))
     assert "leads to" in findings(path)["VRF501"].notes[0]
+
+
+def test_a_place_that_is_not_finite_is_refused_without_a_warning(tmp_path):
+    keys = np.array([0, 1, 2, 0, 0, 0, np.inf, 0, 0, 3, 0, 0], "<f4")
+    data = base64.b64encode(keys.tobytes()).decode()
+    path = tmp_path / "a.gltf"
+    path.write_text(
+        json.dumps(scene(buffers=[{"uri": f"data:;base64,{data}", "byteLength": 48}]))
+    )
+    with catch_warnings():
+        simplefilter("error")
+        with pytest.raises(DamagedFileError, match="node 0: point 2 is at"):
+            read_show(path)
 
 
 def coloured(material, *channels):
