@@ -306,12 +306,13 @@ def read_tables(
 
     def some(names: Sequence[str]) -> list[_Flown]:
         read, found, counted = opened(), list[_Flown](), Courses(path)
-        for name in names:
-            content = read(members[name])
+        for member in (members[name] for name in names):
+            content = read(member)
+            what = str(path) if member == path.name else f"{path}: {member}"
             if is_poly7(content):
-                found.append(_Flown(poly7_course(content, name), None, poly7=True))
+                found.append(_Flown(poly7_course(content, what), None, poly7=True))
             else:
-                found.append(_Flown(*skybrush_course(content, name), poly7=False))
+                found.append(_Flown(*skybrush_course(content, what), poly7=False))
             counted.add(found[-1].course)
         return found
 

@@ -463,6 +463,21 @@ def test_what_lies_beside_tables_of_a_mac_is_no_drone(tmp_path):
     assert read_show(path).names == ("a",)
 
 
+def test_what_is_wrong_in_a_table_names_the_archive_and_the_entry(tmp_path):
+    path = tmp_path / "show.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("night/a.csv", "0,0,0,0\n9000,0,0,5\n")
+        archive.writestr("night/b.csv", "0,0,0,0\n9000,0,0\n")
+    with pytest.raises(DamagedFileError) as refused:
+        read_show(path)
+    assert str(refused.value).startswith(f"{path}: night/b.csv: line 2 has 3 columns")
+    alone = tmp_path / "b.csv"
+    alone.write_text("0,0,0,0\n9000,0,0\n")
+    with pytest.raises(DamagedFileError) as refused:
+        read_show(alone)
+    assert str(refused.value).startswith(f"{alone}: line 2 has")
+
+
 def test_numbers_that_python_alone_reads_are_refused(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("0,0,0,0\n9_000,0,0,5\n")
