@@ -12,6 +12,7 @@ from PIL import Image
 from showc.script.formations.evenly import spread_evenly
 from showc.script.formations.skeleton import thinned, traced
 from showc.script.formations.spacing import closest, spread_apart
+from showc.script.formations.svg import contours_of
 from showc.script.language.colours import linear_light
 from showc.vehicle import Separation
 
@@ -190,6 +191,31 @@ def test_svg(show, tmp_path):
     radius = np.hypot(right[:, 0] - middle[0], right[:, 2] - middle[2])
     assert np.allclose(radius, 2.0, atol=0.05)
     assert np.ptp(logo.points[red][:, 2]) == pytest.approx(8.0, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("body", "widths"),
+    [
+        ('<mask><circle r="4"/></mask><rect width="1" height="1"/>', [1]),
+        ('<marker><circle r="4"/></marker><rect width="1" height="1"/>', [1]),
+        ('<pattern><circle r="4"/></pattern><rect width="1" height="1"/>', [1]),
+        # A symbol is drawn where it is used, and only there.
+        ('<symbol id="s"><circle r="4"/></symbol><use href="#s"/>', [8]),
+        ('<mask><circle id="s" r="4"/></mask><use href="#s" x="3"/>', [8]),
+        ('<g transform="scale(0)"><rect width="5" height="3"/></g>', []),
+        ('<rect transform="matrix(1 1 1 1 0 0)" width="5" height="3"/>', []),
+        ('<rect transform="scale(-1 2)" width="5" height="3"/>', [5]),
+        ('<rect width="-5" height="3"/><circle r="-2"/>', []),
+        ('<ellipse rx="4" ry="-1"/><ellipse rx="4" ry="1"/>', [8]),
+        ('<g visibility="collapse"><circle r="4"/></g>', []),
+    ],
+)
+@pytest.mark.parametrize("space", ['xmlns="http://www.w3.org/2000/svg"', ""])
+def test_svg_draws_what_a_renderer_draws(body, widths, space):
+    content = f'<svg {space} viewBox="0 0 100 100">{body}<path d="M0 0h9"/></svg>'
+    found = contours_of(content.encode(), "it.svg")
+    spans = [float(np.ptp(one.points[:, 0])) for one in found]
+    assert spans == pytest.approx([*widths, 9])
 
 
 def test_svg_filled(show, tmp_path):

@@ -29,6 +29,8 @@ _DARK = 0.05
 """Level of all three colours up to which a stroke is black and has no light, 0 to 1."""
 _FARTHEST = 1e9
 """Farthest coordinate of a point, in the drawing's units."""
+_FLAT = 1e-12
+"""Area of a square that a `transform` makes a line of, over what rounding leaves."""
 MAX_ELEMENTS = 20_000
 """Elements of a drawing, copies by ``use`` written out."""
 MAX_DEPTH = 60
@@ -73,7 +75,7 @@ def contours_of(content: bytes, name: str) -> list[Contour]:
 
     judge(content, name)
     try:
-        drawing = svgelements.SVG.parse(BytesIO(content), reify=True)
+        drawing = svgelements.SVG.parse(BytesIO(_set_apart(content)), reify=True)
         contours = _contours(drawing)
     except ScriptError:
         raise
@@ -99,7 +101,7 @@ def _contours(drawing: Any) -> list[Contour]:  # noqa: ANN401 - a library withou
     for element in drawing.elements():
         if not isinstance(element, svgelements.Shape):
             continue
-        if str(element.values.get("visibility", "")) == "hidden":
+        if not _rendered(element):
             continue
         colour = _colour(element)
         for part in svgelements.Path(element).as_subpaths():
@@ -113,6 +115,62 @@ def _contours(drawing: Any) -> list[Contour]:  # noqa: ANN401 - a library withou
             if len(points) > 1 and float(np.ptp(points, axis=0).max()) > 0.0:
                 contours.append(Contour(points * [1.0, -1.0], colour))
     return contours
+
+
+def _set_apart(content: bytes) -> bytes:
+    """Return a drawing in which what is never drawn by itself stands in ``defs``.
+
+    Masks, markers and symbols are drawn by what refers to them, if at all.
+    """
+    from xml.etree.ElementTree import (  # noqa: PLC0415 - takes time
+        Element,
+        fromstring,
+        tostring,
+    )
+
+    root = fromstring(content)  # noqa: S314 - judged before
+    found = [
+        (parent, place, child)
+        for parent in root.iter()
+        for place, child in enumerate(parent)
+        if child.tag.rpartition("}")[2] in {"mask", "marker", "symbol"}
+    ]
+    for parent, place, child in found:
+        space, mark, _ = child.tag.rpartition("}")
+        parent[place] = Element(f"{space}{mark}defs")
+        parent[place].append(child)
+    return tostring(root) if found else content
+
+
+def _rendered(element: Any) -> bool:  # noqa: ANN401 - of a library without types
+    """Tell whether a shape is drawn: it may be hidden, or have no size."""
+    import svgelements  # noqa: PLC0415 - takes time
+
+    if str(element.values.get("visibility", "")) in {"hidden", "collapse"}:
+        return False
+    own = element.values.get("attributes", {})
+    # Negative sizes are an error, with which a shape is left out.
+    if any(str(own.get(key, "")).strip()[:1] == "-" for key in _sizes(element)):
+        return False
+    change = svgelements.Matrix(element.values.get("transform", ""))
+    across = change.a * change.d - change.b * change.c
+    square = change.a**2 + change.b**2 + change.c**2 + change.d**2
+    return bool(abs(across) > _FLAT * square)
+
+
+def _sizes(element: Any) -> tuple[str, ...]:  # noqa: ANN401
+    """Return the keys of a shape's sizes."""
+    import svgelements  # noqa: PLC0415 - takes time
+
+    match element:
+        case svgelements.Rect():
+            return "width", "height"
+        case svgelements.Circle():
+            return ("r",)
+        case svgelements.Ellipse():
+            return "rx", "ry"
+        case _:
+            return ()
 
 
 def judge(content: bytes, name: str) -> None:
