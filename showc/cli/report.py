@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 @show_argument
 @output_option(
     "PAGE.html",
-    "Where to put the page.  [default: OUTPUT-report.html]",
+    "Where to put the page.  [default: OUTPUT-report.html; with --leg, "
+    "OUTPUT-leg-N-drone-N.html]",
 )
 @click.option(
     "--leg",

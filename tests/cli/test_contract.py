@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -152,3 +153,14 @@ def test_an_interrupted_compile_leaves_the_former_files(run_showc, compiled, tmp
         if path.is_file()
     }
     assert after == before
+
+
+def test_a_leg_is_drawn_into_the_page_that_the_help_names(
+    compiled, run_showc, tmp_path
+):
+    shutil.copy(compiled("lanes"), tmp_path / "lanes.mcap")
+    run = run_showc("report", "lanes.mcap", "--leg", 1, "--drone", 2, cwd=tmp_path)
+    assert run.code == 0, run.err
+    assert (tmp_path / "lanes-leg-1-drone-2.html").is_file()
+    said = "".join(run_showc("report", "--help").out.split())
+    assert "OUTPUT-leg-N-drone-N.html" in said
