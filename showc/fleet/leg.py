@@ -171,9 +171,9 @@ class _Solver:
                 time = self.fence.first_breach(way, flight.state.breaks)
                 if time is not None:
                     raise SolveError(
-                        f"{self.where}: drone {leg.drones[row] + 1} comes nearer to "
-                        f"the fence than {self.fence.margin:.2f} m at {time:.2f} s of "
-                        "its motion; make the motion smaller, or move the formation"
+                        f"{self.where}: drone {leg.drones[row] + 1} "
+                        f"{self.fence.breach} at {time:.2f} s of its motion; make the "
+                        "motion smaller, or move the formation"
                     )
         met = self._met(flights)
         if len(met):

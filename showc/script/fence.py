@@ -131,6 +131,13 @@ class Fence:
         margin = max(site.fence_margin, LEAST)
         return cls(np.asarray(site.fence, dtype=np.float64), margin)
 
+    @property
+    def breach(self) -> str:
+        """What a drone does that does not keep it, in words."""
+        if self.margin <= LEAST:
+            return "leaves the fence"
+        return f"comes nearer than {self.margin:.2f} m to the fence"
+
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return how far within the fence points (n, 2) are, negative outside [m]."""
         distance = fence_distance(points, self.corners)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from showc.script import read_show
-from showc.script.fence import Fence, crossed_edges
+from showc.script.fence import LEAST, Fence, crossed_edges
 
 L = np.array([(-30, -30), (30, -30), (30, 0), (0, 0), (0, 30), (-30, 30)], float)
 U = np.array(
@@ -44,6 +44,11 @@ def test_ways_keep_the_margin_and_are_straight_only_where_that_keeps_it(
         assert (len(way) == 2) == (direct >= margin - 1e-9) or abs(
             direct - margin
         ) < 0.1
+
+
+def test_a_fence_without_a_margin_is_left_and_not_neared():
+    assert Fence(L, 3.0).breach == "comes nearer than 3.00 m to the fence"
+    assert Fence(L, LEAST).breach == "leaves the fence"
 
 
 def test_no_way_leads_through_a_passage_narrower_than_twice_the_margin():

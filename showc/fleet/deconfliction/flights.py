@@ -281,12 +281,12 @@ class Flights:
 
     def wrong(self, found: Encounters, astray: Mapping[int, float]) -> str:
         """Say what comes too near, or leaves the fence."""
-        if not len(found):
+        fence = self.move.fence
+        if fence is not None and not len(found):
             row = min(astray)
-            margin = 0.0 if self.move.fence is None else self.move.fence.margin
             return (
-                f"drone {self.move.names[row] + 1} comes nearer than {margin:.2f} m to "
-                f"the fence at {astray[row]:.2f} s (drones that do: {len(astray)})"
+                f"drone {self.move.names[row] + 1} {fence.breach} at "
+                f"{astray[row]:.2f} s (drones that do: {len(astray)})"
             )
         worst = int(np.argmin(found.distance))
         first, second = int(found.first[worst]), int(found.second[worst])
