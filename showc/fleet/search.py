@@ -63,15 +63,13 @@ _SMALL = 0.01
 _MANY = 128
 """Drones from which on a try costs as much as all before it; up to these, flights that
 kept apart are followed at a quicker pace: that takes a solve for each of them."""
-_CLOSE, _CLOSE_OF_FEW, _CLOSE_SHARE, _CLOSE_OF_MANY = 0.004, 0.08, 0.2, 0.8
+_CLOSE, _CLOSE_SHARE, _CLOSE_OF_MANY = 0.004, 0.2, 0.8
 """Time between a failed and a flown one that is near enough: a share of the least time,
-and a share of what is flown beyond it, greater the more drones there are; the first
+and a share of what is flown beyond it, greater where there are many drones; the first
 and that of many are over the effort."""
 _ENOUGH_OF_MANY = 0.02
 """Share of the least time beyond it, over the effort, at which a flight of many drones
 is enough: nearer ones take as long as all before."""
-_FEW = 32
-"""Drones up to which a try costs little."""
 _STEP = 0.02
 """Share by which the time differs from what ways were found for, at first."""
 _SOON = 0.003
@@ -268,11 +266,9 @@ class Search:
 
         The nearer the best is to the least time, the finer.
         """
-        step, floor = _STEP, limiting.time
+        floor = limiting.time
         many = self.leg.drones.size > _MANY
-        few = self.leg.drones.size <= _FEW
-        part = _CLOSE_OF_FEW if few else _CLOSE_SHARE
-        part = _CLOSE_OF_MANY / self.options.effort if many else part
+        part = _CLOSE_OF_MANY / self.options.effort if many else _CLOSE_SHARE
         enough = _ENOUGH_OF_MANY / self.options.effort * floor
         while not self.spent:
             beyond = best.duration - floor
@@ -282,7 +278,7 @@ class Search:
             share = 0.5 if isinstance(best, Repair) else _BOLD
             middle = failed + share * (best.duration - failed)
             if self.ways and isinstance(best, Repair):
-                middle = max(middle, (1.0 - step) * best.duration)
+                middle = max(middle, (1.0 - _STEP) * best.duration)
             middle = whole_milliseconds(middle)
             if best.duration - failed < near or middle >= best.duration:
                 break
@@ -296,7 +292,7 @@ class Search:
             )
             repair = self.at(middle, bent)
             if repair.done:
-                best, step = repair, 2.0 * step
+                best = repair
             else:
                 failed = middle
         return best

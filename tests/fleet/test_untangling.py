@@ -18,9 +18,9 @@ FAR = Allowed.of(Aircraft(VEHICLE, LIMITS))
 NO_PLANES = Planes(NONE, NONE, np.zeros((0, 3)), np.zeros(0))
 
 
-def crowd_of(start, goal, separation, planes=NO_PLANES):
-    times = sampled(DURATION, INTERVALS)
-    share = times / DURATION
+def crowd_of(start, goal, separation, planes=NO_PLANES, duration=DURATION):
+    times = sampled(duration, INTERVALS)
+    share = times / duration
     along = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     way = (goal - start)[:, None]
     places = start[:, None] + along[None, :, None] * way
@@ -34,7 +34,7 @@ def crowd_of(start, goal, separation, planes=NO_PLANES):
         speeds,
         pulls,
         np.gradient(pulls, times, axis=1),
-        DURATION,
+        duration,
         INTERVALS,
         separation,
         give,
@@ -65,23 +65,44 @@ def test_a_ring_of_drones_that_swap_is_parted(shape):
     np.testing.assert_allclose(places[:, [0, -1]], crowd.places[:, [0, -1]], atol=1e-9)
 
 
+class Recording(InProcess):
+    """Hears which beginnings are followed at once, and what comes out."""
+
+    def __init__(self):
+        super().__init__()
+        self.seeds, self.found = [], []
+
+    def run(self, function, tasks, *heard):
+        found = super().run(function, tasks, *heard)
+        if isinstance(tasks[0][1], int):
+            self.seeds.append([seed for _, seed in tasks])
+            self.found += found
+        return found
+
+
 def test_beginnings_that_are_followed_side_by_side_count_one_after_the_other():
-    asked = []
-
-    class Recording(InProcess):
-        def run(self, function, tasks, *heard):
-            asked.append([seed for _, seed in tasks])
-            return super().run(function, tasks, *heard)
-
     start = np.array([[-4.5, 0.0, 0.0], [4.5, 0.3, 0.0], [0.0, -4.0, 0.2]])
-    crowd = crowd_of(start, -start, Separation(1.0))
-    found = quickest(crowd, Recording())
-    assert asked[:2] == [[0, 1], [2, 3]]
+    crowd, workers = crowd_of(start, -start, Separation(1.0)), Recording()
+    found = quickest(crowd, workers)
+    assert workers.seeds[:2] == [[0, 1], [2, 3]]
     # The last of them may be one too many: it counts for nothing.
-    seeds = [seed for pair in asked for seed in pair]
-    works = np.cumsum([Elastic(crowd, k).run((1.1, 1.3)[k % 2]).work for k in seeds])
+    seeds = [seed for pair in workers.seeds for seed in pair]
+    alone = [Elastic(crowd, k).run((1.1, 1.3)[k % 2]) for k in seeds]
+    assert [one.work for one in workers.found] == [one.work for one in alone]
+    works = np.cumsum([one.work for one in alone])
     assert found.work in works[-2:]
     assert found.duration >= crowd.duration
+
+
+def test_ways_of_the_best_beginning_are_flown_sooner_and_keep_apart():
+    level = np.mgrid[-2:3, -1:3].reshape(2, -1).T * 1.4
+    start = np.column_stack([level, np.zeros(20)])
+    # Its time is too short to go round each other.
+    crowd = crowd_of(start, -start, Separation(1.0), duration=1.8)
+    workers = Recording()
+    found = quickest(crowd, workers)
+    assert found.wrong == 0.0
+    assert found.duration < 0.985 * min(one.duration for one in workers.found)
 
 
 def test_a_line_that_swaps_about_one_that_hovers_leaves_it_in_place():

@@ -52,6 +52,9 @@ _UNIT, _LONGEST = 0.03, 2.0
 found by trial; and its greatest value."""
 _LAST = 2
 """Of these stages, those that go on from ways that are known."""
+_SOONER = ((30000.0, None, 3.0, 700), (30000.0, None, 1.0, 300))
+"""The stages in which ways that are known are flown sooner: the first alone leaves
+little lacks in very dense crowds, the second mends them [found by trial]."""
 _HOPELESS = 0.02
 """Sum of squared lacks of each drone beyond which the last stage would not pay: where a
 way was found in the end, a tenth of that was left."""
@@ -70,8 +73,9 @@ _ASIDE, _LIFT = 0.15, 0.6
 """Size of the random beginning, and that in the fourth coordinate, in separations."""
 _ENERGY = 1e-3
 """Price of the energy, over the time."""
-_INSIDE = 0.05
-"""Share by which flights stay within limits, for what lies between samples."""
+_INSIDE, _BARELY = 0.05, 0.01
+"""Share by which flights stay within limits, for what lies between samples: at first,
+and where ways are known."""
 _REACH, _MOVED = 1.5, 0.2
 """Distance of pairs that are looked at, and by how much drones move until pairs are
 looked for again, in separations."""
@@ -106,6 +110,7 @@ class Elastic:
         self, crowd: Crowd, seed: int = 0, known: FloatArray | None = None
     ) -> None:
         self.crowd, self.seed, self.known = crowd, seed, known
+        self.inside = 1.0 - (_INSIDE if known is None else _BARELY)
         self.drones, self.samples = crowd.places.shape[:2]
         self.distance = crowd.separation.distance
         self.square = crowd.separation.shape == "any-axis"
@@ -155,7 +160,7 @@ class Elastic:
         mine = allowed.order == order
         normal, offset = allowed.normal[mine], allowed.offset[mine]
         unit = np.abs(offset) if order else np.full(offset.size, self.distance)
-        inside = 1.0 - _INSIDE * (order > 0)
+        inside = self.inside if order else 1.0
         bound = np.minimum(offset * inside, part @ normal.T) / unit
         level, size = allowed.level[order], None
         if np.isfinite(level):
@@ -177,7 +182,7 @@ class Elastic:
 
         stages, inner = _STAGES, self._beginning()
         if self.known is not None:
-            stages = _STAGES[-_LAST:]
+            stages = _SOONER if slower else _STAGES[-_LAST:]
         self.slower = float(np.log(slower or 1.0))
         if slower:
             self.limits = [self._limits(order, free=True) for order in range(4)]
@@ -401,7 +406,7 @@ class Elastic:
     def _turning(self, flown: FloatArray, slope: FloatArray, price: float) -> float:
         """Price of rates that are passed; adds its slope."""
         cost = 0.0
-        allowed, most = self.crowd.allowed, 1.0 - _INSIDE
+        allowed, most = self.crowd.allowed, self.inside
         pulls, jerks = self._part(flown, 2), self._part(flown, 3)
         rows = np.nonzero(allowed.turning(pulls, jerks) > most)
         for share, by_pull, by_jerk in allowed.turned(pulls[rows], jerks[rows]):
