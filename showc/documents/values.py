@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from contextlib import suppress
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from showc.errors import DamagedFileError
@@ -87,11 +88,16 @@ def read_json(content: bytes, most: int) -> Any:  # noqa: ANN401 - JSON
         return found
 
     def finite(text: str) -> float:
-        raise ValueError(f"{text} is no number")
+        number = float(text)
+        if not isfinite(number):
+            raise ValueError(f"{text} is no number")
+        return number
 
     try:
         text = content.decode("utf-8")
-        return json.loads(text, parse_constant=finite, object_pairs_hook=once)
+        return json.loads(
+            text, parse_constant=finite, parse_float=finite, object_pairs_hook=once
+        )
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
 

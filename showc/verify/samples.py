@@ -412,8 +412,5 @@ def _ratio(values: FloatArray, flown: FloatArray) -> FloatArray:
     if turned:
         turn = sample.quaternion(flown[:, 6:9])
         expected = np.concatenate([flown[:, :6], turn, flown[:, 9:]], axis=1)
-    off, allowed = np.abs(values - expected), np.abs(expected)
-    allowed *= 2.0**-23 + 1e-9
-    allowed += fixed
-    off /= allowed
-    return np.asarray(off)
+    allowed = np.abs(expected) * (2.0**-23 + 1e-9) + fixed
+    return np.asarray(np.abs(values - expected) / allowed)

@@ -4,6 +4,7 @@ import json
 import os
 from collections import Counter
 from dataclasses import replace
+from datetime import timedelta, timezone
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from mission.flights import START, shift_flight
 from mission.planted import Case, OtherManifest
 
+from showc.documents.values import read_json
 from showc.errors import ShowError
 from showc.log import showc_pb2 as pb
 from showc.script.show import MissionOptions
@@ -311,6 +313,13 @@ def test_every_key_of_a_plan_is_caught(case):
         lambda m: m["missions"]["prediction"].update(start_minute=True),
         lambda m: m["missions"]["prediction"]["legs"].clear(),
         lambda m: m["missions"]["prediction"].update(latest_mission_start=60.0),
+        lambda m: m["missions"]["prediction"].update(latest_mission_start=None),
+        lambda m: m["missions"]["prediction"].update(latest_mission_start=True),
+        lambda m: m["missions"]["prediction"].update(latest_mission_start=[]),
+        lambda m: m["missions"]["prediction"].update(
+            latest_mission_start=m["missions"]["prediction"]["latest_mission_start"]
+            + 2.5
+        ),
         lambda m: m["missions"]["prediction"].update(firmware="PX4 1.15"),
         lambda m: m["missions"]["prediction"].update(clock="sundial"),
         lambda m: m["missions"]["prediction"].update(start="2026-06-01T21:00:00Z"),
@@ -650,6 +659,50 @@ def test_a_corner_of_the_fence_off_by_one_unit_of_its_rounding_is_caught(case):
     corner = document["geoFence"]["polygons"][0]["polygon"][0]
     corner[0] += 1.3e-7
     assert "VRF406" in case.caught({PLAN: json.dumps(document).encode()})
+
+
+@pytest.mark.parametrize(
+    "elsewhere",
+    [
+        lambda latitude, longitude: (latitude, longitude + 360.0),
+        lambda latitude, longitude: (latitude, longitude - 72000.0),
+        lambda latitude, longitude: (latitude - 360.0, longitude),
+        lambda latitude, longitude: (180.0 - latitude, longitude + 180.0),
+    ],
+)
+def test_a_corner_of_the_fence_written_off_the_globe_is_caught(case, elsewhere):
+    document = json.loads(case.files[PLAN])
+    corner = document["geoFence"]["polygons"][0]["polygon"][0]
+    corner[:] = elsewhere(*corner)
+    assert "VRF406" in case.caught({PLAN: json.dumps(document).encode()})
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        START.isoformat().replace("+00:00", ""),
+        START.isoformat().replace("+00:00", "Z"),
+        START.isoformat().replace("-", "").replace("T", " "),
+        START.astimezone(timezone(timedelta(hours=2))).isoformat(),
+    ],
+)
+def test_a_start_in_another_form_than_compile_writes_is_caught(tmp_path, said):
+    case = Case(tmp_path, shift_flight(2), start=START)
+    assert case.caught() == set()
+
+    def edited(manifest):
+        missions = manifest["missions"]
+        missions["start"] = missions["prediction"]["start"] = said
+        return manifest
+
+    assert case.caught(manifest=edited)
+
+
+@pytest.mark.parametrize("number", [b"1e400", b"-1e400", b"NaN", b"Infinity"])
+def test_a_number_that_is_none_is_refused(number):
+    with pytest.raises(ValueError, match="is no number"):
+        read_json(b"[" + number + b"]", 100)
+    assert read_json(b"[1e3, -2.5, 7]", 100) == [1000.0, -2.5, 7]
 
 
 @pytest.mark.parametrize("command", [16, 21, 22])

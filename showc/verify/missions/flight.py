@@ -276,10 +276,12 @@ def _as_claimed(
             "required_separation": show.rules.separation.distance,
         }
         wrong = list(unlike(said, wanted, "prediction", rounding=0.0))
-        # Until when a mission may start, and reach its first slot.
+        # Until when a mission may start, and reach its first slot for sure.
         starts = fleet.filled(fleet.release, np.inf)[:, 0] - _climbs(fleet)
-        latest = float(starts.min())
-        if not (said["latest_mission_start"] or 0.0) <= latest:
+        latest = float(starts.min()) - 2.0 * CONSTANTS["spread"]
+        last = said["latest_mission_start"]
+        known = last is None if latest == np.inf else type(last) in {int, float}
+        if not (known and (last or 0.0) <= latest):
             wrong.append(f"prediction.latest_mission_start is after {latest:.3f} s")
         met = [leg["closest"] for leg in said["legs"] if leg["closest"] is not None]
         for key, code, close in (

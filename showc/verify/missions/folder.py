@@ -342,7 +342,8 @@ def _is_fence(found: Any, site: Site) -> bool:  # noqa: ANN401 - any JSON
     try:
         kinds = {type(value) for corner in found for value in corner}
         corners = np.array(found, dtype=np.float64)
-        if not kinds <= {int, float} or corners.shape != wanted.shape:
+        alike = kinds <= {int, float} and corners.shape == wanted.shape
+        if not (alike and (np.abs(corners) <= (90.0, 180.0)).all()):
             return False
         # A tangent plane has no corner off by its curve within any fence of a show.
         level = to_show_frame(site, corners[:, 0], corners[:, 1], site.altitude)

@@ -148,7 +148,7 @@ class Clock:
             return cls(60.0 * minute, HOUR)
         with suppress(ValueError, OverflowError):
             now = datetime.fromisoformat(str(start)).astimezone(UTC)
-            if not now.microsecond:
+            if now.isoformat() == start and not now.microsecond:
                 return cls(3600.0 * now.hour + 60.0 * now.minute + now.second, DAY)
         raise MissionFormatError("the manifest names no start of the missions")
 
