@@ -445,6 +445,21 @@ def test_whatever_else_lies_in_the_folder_is_caught(case, name):
     assert case.failures() == set()
 
 
+@pytest.mark.parametrize("name", ["", "missions", "missions/old"])
+def test_a_folder_that_cannot_be_listed_is_caught(case, name, monkeypatch):
+    """For all but the superuser, whom tests often run as, it looks empty."""
+    closed = (case.folder / name).resolve()
+    made = not closed.exists()
+    closed.mkdir(exist_ok=True)
+    assert case.failures() == set()
+    monkeypatch.setattr(
+        "showc.verify.missions.folder.access", lambda path, _: path != closed
+    )
+    assert case.failures() == {"VRF401"}
+    if made:
+        closed.rmdir()
+
+
 def test_a_folder_of_missions_that_is_a_link_is_caught(case, tmp_path):
     elsewhere = tmp_path / "elsewhere"
     (case.folder / "missions").rename(elsewhere)

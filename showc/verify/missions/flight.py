@@ -279,9 +279,8 @@ def _as_claimed(
         # Until when a mission may start, and reach its first slot for sure.
         starts = fleet.filled(fleet.release, np.inf)[:, 0] - _climbs(fleet)
         latest = float(starts.min()) - 2.0 * CONSTANTS["spread"]
-        last = said["latest_mission_start"]
-        known = last is None if latest == np.inf else type(last) in {int, float}
-        if not (known and (last or 0.0) <= latest):
+        last = np.inf if (one := said["latest_mission_start"]) is None else one
+        if not (type(last) in {int, float} and last <= latest):
             wrong.append(f"prediction.latest_mission_start is after {latest:.3f} s")
         met = [leg["closest"] for leg in said["legs"] if leg["closest"] is not None]
         for key, code, close in (

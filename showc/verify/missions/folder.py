@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from math import degrees
+from os import R_OK, access
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -125,13 +126,13 @@ class Missions:
         return agreement("VRF402", wrong)
 
     def _read(self) -> None:
-        """Read all files, and the missions in them."""
+        """Read all files: no folders, but for links, and for what cannot be listed."""
         names, listed = self.names(), object_in(self.described, "files")
-        # Folders are no files, but for links to some.
+        whole = self.folder.resolve()
         present = {
-            path.relative_to(self.folder).as_posix()
-            for path in self.folder.rglob("*")
-            if path.is_symlink() or not path.is_dir()
+            path.relative_to(whole).as_posix()
+            for path in [whole, *whole.rglob("*")]
+            if path.is_symlink() or not path.is_dir() or not access(path, R_OK)
         }
         strangers = sorted(present - {MANIFEST, *names})
         self.bad += [f"{name}: is no file of a compile" for name in strangers]
