@@ -281,7 +281,7 @@ def _as_claimed(
         latest = float(starts.min()) - 2.0 * CONSTANTS["spread"]
         last = np.inf if (one := said["latest_mission_start"]) is None else one
         if not (type(last) in {int, float} and last <= latest):
-            wrong.append(f"prediction.latest_mission_start is after {latest:.3f} s")
+            wrong.append(f"prediction.latest_mission_start: none up to {latest:.3f} s")
         met = [leg["closest"] for leg in said["legs"] if leg["closest"] is not None]
         for key, code, close in (
             ("legs", "VRF411", min(met, key=lambda one: one["distance"], default=None)),

@@ -135,7 +135,7 @@ class Missions:
             if path.is_symlink() or not path.is_dir() or not access(path, R_OK)
         }
         strangers = sorted(present - {MANIFEST, *names})
-        self.bad += [f"{name}: is no file of a compile" for name in strangers]
+        self.bad += [f"{one}: is of no compile, or unreadable" for one in strangers]
         total = 0
         for name in names:
             try:

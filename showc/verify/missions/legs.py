@@ -150,7 +150,7 @@ class Clock:
             now = datetime.fromisoformat(str(start)).astimezone(UTC)
             if now.isoformat() == start and not now.microsecond:
                 return cls(3600.0 * now.hour + 60.0 * now.minute + now.second, DAY)
-        raise MissionFormatError("the manifest names no start of the missions")
+        raise MissionFormatError("the manifest names no start, in UTC as compile does")
 
     def time(self, slot: Item) -> float:
         """Mission time of a slot [s]: the first after the missions begin.
