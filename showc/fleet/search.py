@@ -219,13 +219,15 @@ class Search:
                 limiting = self._with(limiting, late)
                 least = max(least, limiting.time)
                 continue
-            failed = time
             longest = self._longest(least) if longest is None else longest
             if best is None:
                 best = self.surely()
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
+            ways = self.ways
             gap = min(self._later(repair, gap, least), longest)
+            # Nothing has failed with ways that are just found.
+            failed = time if self.ways is ways else 0.0
         return self._narrowed(best, max(failed, limiting.time), limiting), limiting
 
     def _later(self, repair: Repair, gap: float, least: float) -> float:
@@ -264,9 +266,11 @@ class Search:
     def _narrowed(self, best: Found, failed: float, limiting: Limiting) -> Found:
         """Halve what lies between a time that failed [s] and the best one flown.
 
-        The nearer the best is to the least time, the finer.
+        The nearer the best is to the least time, the finer: at last the first time that
+        was tried is tried again, with ways that are known since.
         """
         floor = limiting.time
+        first = whole_milliseconds(floor * (1.0 + self.options.gap))
         many = self.leg.drones.size > _MANY
         part = _CLOSE_OF_MANY / self.options.effort if many else _CLOSE_SHARE
         enough = _ENOUGH_OF_MANY / self.options.effort * floor
@@ -280,7 +284,11 @@ class Search:
             if self.ways and isinstance(best, Repair):
                 middle = max(middle, (1.0 - _STEP) * best.duration)
             middle = whole_milliseconds(middle)
-            if best.duration - failed < near or middle >= best.duration:
+            if best.duration - failed < near or middle <= first:
+                middle = first
+                if many or failed >= first:
+                    break
+            if middle >= best.duration:
                 break
             bent = best.bent if self.ways or not many else _NONE
             if isinstance(best, ClosedFlights) and self.ways:

@@ -57,13 +57,15 @@ def test_drones_fly_through_a_wall_of_others_that_hover():
     assert found.certificate.gap < 0.003
 
 
-@pytest.mark.parametrize("count", [6, 8])
-def test_few_that_exchange_places_across_a_ring_take_no_longer(count):
+@pytest.mark.parametrize(("count", "draw"), [(6, 0), (8, 0), (8, 3)])
+def test_few_that_exchange_places_across_a_ring_take_no_longer(count, draw):
     turn = 2.0 * np.pi * np.arange(count) / count
     ring = 6.0 * np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
+    # As if a processor rounded otherwise.
+    ring += 1e-11 * np.random.default_rng(draw).standard_normal(ring.shape)
     height = np.array([0.0, 0.0, 12.0])
     found, _ = fly(ring + height, height - ring)
-    # The first time that is tried is 0.1 % over the minimum.
+    # That is the first time that is tried, 0.1 % over the minimum.
     assert found.certificate.gap < 0.0015
 
 

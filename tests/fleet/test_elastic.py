@@ -22,9 +22,21 @@ SHAPES = [
 ]
 
 
+def quicker(crowd, pace):
+    """Return the same flights in less time."""
+    return replace(
+        crowd,
+        times=crowd.times / pace,
+        speeds=crowd.speeds * pace,
+        pulls=crowd.pulls * pace**2,
+        jerks=crowd.jerks * pace**3,
+        duration=crowd.duration / pace,
+    )
+
+
 @pytest.mark.parametrize("separation", SHAPES, ids=lambda one: one.shape)
-@pytest.mark.parametrize("axes", [3, 4])
-def test_the_slope_of_the_price_is_that_of_differences(separation, axes):
+@pytest.mark.parametrize(("axes", "pace"), [(3, 1.0), (4, 1.0), (3, 2.5)])
+def test_the_slope_of_the_price_is_that_of_differences(separation, axes, pace):
     count = sampled(6.0, INTERVALS).size
     planes = Planes(
         np.zeros(count, dtype=np.int64),
@@ -32,7 +44,10 @@ def test_the_slope_of_the_price_is_that_of_differences(separation, axes):
         np.repeat([[0.0, 1.0, 0.0]], count, axis=0),
         np.full(count, 0.1),
     )
-    ways = Elastic(crowd_of(12.0 * CUBE, -12.0 * CUBE, separation, planes))
+    crowd = crowd_of(12.0 * CUBE, -12.0 * CUBE, separation, planes)
+    level = replace(crowd.allowed, level=(np.inf, 6.0, 8.0, 60.0))
+    # In less time drones use more than limits when they fly alone.
+    ways = Elastic(quicker(replace(crowd, allowed=level), pace))
     shape = (ways.factor.shape[1], 8, axes)
     draw = np.random.default_rng(1)
     inner, step = draw.standard_normal((2, math.prod(shape) + 1))
@@ -78,15 +93,7 @@ def test_where_the_time_is_free_limits_and_distances_say_how_long_it_is():
     times = []
     for pace in (3.0, 3.4):
         crowd = crowd_of(3.0 * CUBE, -3.0 * CUBE, Separation(1.0))
-        # As the same flights would be in less time.
-        quick = replace(
-            crowd,
-            times=crowd.times / pace,
-            speeds=crowd.speeds * pace,
-            pulls=crowd.pulls * pace**2,
-            jerks=crowd.jerks * pace**3,
-            duration=crowd.duration / pace,
-        )
+        quick = quicker(crowd, pace)
         found = Elastic(quick, 1).run(1.3)
         assert found.broken == 0
         assert found.excess.max() < 0.02
@@ -94,6 +101,17 @@ def test_where_the_time_is_free_limits_and_distances_say_how_long_it_is():
         times.append(found.duration)
     # Whatever it begins from, the time is that of the drones.
     assert times[1] == pytest.approx(times[0], rel=0.05)
+
+
+def test_what_drones_use_when_they_fly_alone_slows_nothing():
+    start = np.array([[-6.0, 0.3, 0.0], [6.0, -0.3, 0.0]])
+    goal = start * [-1.0, 1.0, 1.0]
+    crowd = quicker(crowd_of(start, goal, Separation(1.0)), 1.5)
+    # As of drones that lift before and fall then, to be sooner there.
+    crowd.pulls[:, 8:20, 2] -= 9.0
+    found = Elastic(crowd, 1).run(1.1)
+    assert found.wrong == 0.0
+    assert found.duration < 1.005 * crowd.duration
 
 
 def test_a_drone_that_may_not_move_stays():

@@ -148,24 +148,15 @@ class Elastic:
         self.lacking = np.inf
         self.work = 0.0
 
-    def _limits(
-        self, order: int, *, free: bool = False
-    ) -> tuple[FloatArray, FloatArray, float, FloatArray | None]:
-        """Half-spaces of an order, over their limits, and the greatest level size.
-
-        What a drone uses when it flies alone it may use, unless the time is free.
-        """
+    def _limits(self, order: int) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+        """Half-spaces of an order, over their limits, what is used alone, and level."""
         allowed, part = self.crowd.allowed, self._part(self.used, order)
-        part = 0.0 * part if free and order else part
         mine = allowed.order == order
         normal, offset = allowed.normal[mine], allowed.offset[mine]
         unit = np.abs(offset) if order else np.full(offset.size, self.distance)
-        inside = self.inside if order else 1.0
-        bound = np.minimum(offset * inside, part @ normal.T) / unit
-        level, size = allowed.level[order], None
-        if np.isfinite(level):
-            size = np.maximum(level * inside, np.hypot(part[..., 0], part[..., 1]))
-        return normal / unit[:, None], bound, level, size
+        bound = offset * (self.inside if order else 1.0) / unit
+        normal = normal / unit[:, None]
+        return normal, bound, part @ normal.T, allowed.level[order]
 
     def _part(self, values: FloatArray, order: int) -> FloatArray:
         return values[order * self.samples : (order + 1) * self.samples]
@@ -184,8 +175,6 @@ class Elastic:
         if self.known is not None:
             stages = _SOONER if slower else _STAGES[-_LAST:]
         self.slower = float(np.log(slower or 1.0))
-        if slower:
-            self.limits = [self._limits(order, free=True) for order in range(4)]
         for price, lift, haste, steps in stages:
             if lift is None:
                 inner = np.ascontiguousarray(inner[..., :3])
@@ -251,13 +240,13 @@ class Elastic:
         cost, pull = self._apart(np.ascontiguousarray(points), price)
         slope = np.zeros_like(flown)
         self._part(slope, 0)[:] = pull[..., :3] * self.scale
-        cost += self._within(flown, slope, price)
+        more, later = self._within(flown, slope, price, slower)
+        cost += more
         cost += self._turning(flown, slope, price)
         cost += self._behind(flown, slope, price)
-        later = 0.0
         if hurry:
-            later = hurry * np.exp(slower)
-            cost += later
+            cost += hurry * float(np.exp(slower))
+            later += hurry * float(np.exp(slower))
             later -= float(self.order @ np.einsum("mna,mna->m", slope, flown))
         slope *= pace
         energy = _ENERGY * self.crowd.duration
@@ -273,7 +262,7 @@ class Elastic:
         gradient[:, ~self.moving] = 0.0
         self.work += 4.0 * self.reach.size * drones * axes + _OF_STEP
         self.work += _OF_PAIR * self.ahead.size
-        return cost, np.append(gradient.ravel(), _UNIT * later)
+        return cost, np.append(gradient.ravel(), _UNIT * later if hurry else 0.0)
 
     def _look(self, points: FloatArray) -> None:
         """Find pairs near each other between two samples."""
@@ -384,24 +373,35 @@ class Elastic:
             share = np.full(int(kept.sum()), part)
             yield here[kept], share, lack[kept], toward[kept]
 
-    def _within(self, flown: FloatArray, slope: FloatArray, price: float) -> float:
-        """Price of limits that are passed; adds its slope."""
-        cost = 0.0
-        for order, (normal, bound, level, size) in enumerate(self.limits):
+    def _within(
+        self, flown: FloatArray, slope: FloatArray, price: float, slower: float
+    ) -> tuple[float, float]:
+        """Price of limits that are passed, and its slope by ``slower``; adds its slope.
+
+        What a drone uses when it flies alone, as much slower, it may use.
+        """
+        cost = later = 0.0
+        for order, (normal, bound, alone, level) in enumerate(self.limits):
             part, toward = self._part(flown, order), self._part(slope, order)
-            lack = np.maximum(0.0, bound - part @ normal.T)
+            pace = float(np.exp(-slower * order))
+            most = np.minimum(bound, pace * alone)
+            lack = np.maximum(0.0, most - part @ normal.T)
             if lack.any():
                 cost += price * float((lack * lack).sum())
+                later -= 2.0 * price * order * float((lack * most)[most < bound].sum())
                 toward -= 2.0 * price * (lack @ normal)
-            if size is not None:
-                square = part[..., 0] ** 2 + part[..., 1] ** 2
-                rows = np.nonzero(square > size * size)
-                used, ahead = np.sqrt(square[rows]), part[..., :2][rows]
-                more = (used - size[rows]) / level
+            if np.isfinite(level):
+                inside, still = level * self.inside, self._part(self.used, order)
+                used = np.hypot(part[..., 0], part[..., 1])
+                size = np.maximum(inside, pace * np.hypot(still[..., 0], still[..., 1]))
+                rows = np.nonzero(used > size)
+                more = (used[rows] - size[rows]) / level
                 cost += price * float(more @ more)
-                force = 2.0 * price * more / (level * np.maximum(used, _TINY))
-                toward[..., :2][rows] += force[:, None] * ahead
-        return cost
+                own = size[rows] * (size[rows] > inside)
+                later += 2.0 * price * order * float(more @ own) / level
+                force = 2.0 * price * more / (level * np.maximum(used[rows], _TINY))
+                toward[..., :2][rows] += force[:, None] * part[..., :2][rows]
+        return cost, later
 
     def _turning(self, flown: FloatArray, slope: FloatArray, price: float) -> float:
         """Price of rates that are passed; adds its slope."""
