@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import timedelta
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -215,7 +214,7 @@ def prediction_summary(
     from showc.autopilot.parameters import FIRMWARE  # noqa: PLC0415
 
     legs = side_by_side(
-        [partial(_leg_entry, scheduled, clock) for scheduled in timeline.legs],
+        [partial(_leg_entry, scheduled) for scheduled in timeline.legs],
         jobs,
     )
     return {
@@ -255,7 +254,7 @@ def _latest(timeline: Timeline) -> float | None:
     return round(first - timeline.staged, 3)
 
 
-def _leg_entry(scheduled: ScheduledLeg, clock: MissionClock) -> dict[str, Any]:
+def _leg_entry(scheduled: ScheduledLeg) -> dict[str, Any]:
     """One leg of the summary."""
     late, solved = CLOCK_LIKELY, scheduled.move.flight
     assert solved is not None  # noqa: S101 - what is predicted was solved
@@ -268,7 +267,7 @@ def _leg_entry(scheduled: ScheduledLeg, clock: MissionClock) -> dict[str, Any]:
         )
     ]
     near = [item for item in closest if item is not None]
-    entry: dict[str, Any] = {
+    return {
         "leg": scheduled.leg.index,
         "name": scheduled.leg.name,
         "encoding": scheduled.encoding.name,
@@ -286,12 +285,6 @@ def _leg_entry(scheduled: ScheduledLeg, clock: MissionClock) -> dict[str, Any]:
         "arrival_difference": [round(float(value), 3) for value in arrival],
         "closest": min(near, key=lambda item: item["distance"]) if near else None,
     }
-    if clock.start is not None:
-        entry["slots_utc"] = [
-            (clock.start + timedelta(seconds=release)).isoformat()
-            for release in scheduled.releases
-        ]
-    return entry
 
 
 def _delays(scheduled: ScheduledLeg) -> FloatArray:

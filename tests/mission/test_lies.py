@@ -2,9 +2,11 @@
 
 import json
 import os
+import shutil
 from collections import Counter
 from dataclasses import replace
 from datetime import timedelta, timezone
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -445,19 +447,35 @@ def test_whatever_else_lies_in_the_folder_is_caught(case, name):
     assert case.failures() == set()
 
 
-@pytest.mark.parametrize("name", ["", "missions", "missions/old"])
+@pytest.mark.parametrize("name", ["", "missions"])
 def test_a_folder_that_cannot_be_listed_is_caught(case, name, monkeypatch):
     """For all but the superuser, whom tests often run as, it looks empty."""
-    closed = (case.folder / name).resolve()
-    made = not closed.exists()
-    closed.mkdir(exist_ok=True)
-    assert case.failures() == set()
-    monkeypatch.setattr(
-        "showc.verify.missions.folder.access", lambda path, _: path != closed
-    )
+    closed, listed = case.folder / name, Path.iterdir
+
+    def iterdir(path):
+        if path == closed:
+            raise PermissionError(13, "Permission denied", str(path))
+        return listed(path)
+
+    monkeypatch.setattr(Path, "iterdir", iterdir)
     assert case.failures() == {"VRF401"}
-    if made:
-        closed.rmdir()
+
+
+def test_folders_in_the_folder_are_caught_empty_or_deeper_than_any_path(case):
+    for name in ("old", "missions/old"):
+        top = case.folder / name
+        top.mkdir()
+        assert case.failures() == {"VRF401"}
+        deep = os.open(top, os.O_RDONLY)
+        for _ in range(20):
+            os.mkdir(250 * "a", dir_fd=deep)
+            inner = os.open(250 * "a", os.O_RDONLY, dir_fd=deep)
+            os.close(deep)
+            deep = inner
+        os.close(deep)
+        assert case.failures() == {"VRF401"}
+        shutil.rmtree(top)
+    assert case.failures() == set()
 
 
 def test_a_folder_of_missions_that_is_a_link_is_caught(case, tmp_path):

@@ -252,12 +252,11 @@ def _as_claimed(
     said: Any = described.get("prediction")
     start, timed = described.get("start"), logged[1:-1]
     try:
-        free, slots = KNOWN["prediction"], [] if start is None else ["slots_utc"]
-        legs = [*said["legs"], *[{}] * len(timed)]
+        free, legs = KNOWN["prediction"], [*said["legs"], *[{}] * len(timed)]
         # What is free stands here as it is said, if it is figures.
         wanted = {key: _free(said.get(key)) for key in free["keys"]} | {
             "legs": [
-                {key: _free(leg.get(key)) for key in (*free["leg"], *slots)}
+                {key: _free(leg.get(key)) for key in free["leg"]}
                 | {
                     "leg": move.segment,
                     "name": move.name,

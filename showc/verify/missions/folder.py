@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 from math import degrees
-from os import R_OK, access
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -126,16 +125,17 @@ class Missions:
         return agreement("VRF402", wrong)
 
     def _read(self) -> None:
-        """Read all files: no folders, but for links, and for what cannot be listed."""
+        """Read all files; list no folders but those in which some must be."""
         names, listed = self.names(), object_in(self.described, "files")
-        whole = self.folder.resolve()
-        present = {
-            path.relative_to(whole).as_posix()
-            for path in [whole, *whole.rglob("*")]
-            if path.is_symlink() or not path.is_dir() or not access(path, R_OK)
-        }
-        strangers = sorted(present - {MANIFEST, *names})
-        self.bad += [f"{one}: is of no compile, or unreadable" for one in strangers]
+        folders = [self.folder, *[self.folder / "missions"] * (not self.none)]
+        known = [self.folder / name for name in (MANIFEST, *names)]
+        known += [folder for folder in folders if not folder.is_symlink()]
+        try:
+            strangers = {one for each in folders for one in each.iterdir()} - {*known}
+            odd = sorted(one.relative_to(self.folder).as_posix() for one in strangers)
+            self.bad += [f"{one}: is of no compile" for one in odd]
+        except OSError as error:
+            self.bad.append(f"the folder cannot be listed: {error.strerror}")
         total = 0
         for name in names:
             try:
