@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.documents.archive import LARGEST_FILE
-from showc.documents.values import parse_json, unlike
-from showc.errors import DamagedFileError
+from showc.documents.values import read_json, unlike
+from showc.errors import DamagedFileError, UsageError
 from showc.export.error import error_of
 from showc.export.fit import tracks_of
 from showc.export.lights import TOLERANCE as FADE
@@ -73,6 +73,9 @@ TURNED = 0.5
 """Greatest difference of yaw [deg]: it is written to 0.1 deg, and straight between the
 nodes of the fit."""
 
+_FIGURES = {"value", "limit", "where", "notes"}
+"""What a check says that rounding may change, and how its folder was named."""
+
 ROUNDING = 1e-6
 """How far rounding may carry a written flight beyond the tolerance [m]."""
 
@@ -126,6 +129,8 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
         written = read_foreign(folder)
     except DamagedFileError as error:
         return list(damaged(folder, error).checks)
+    except UsageError as error:
+        return [_check("VRF583", "export of this log", where, [str(error)])]
     if written.drones != solved.drones:
         note = f"it has {written.drones} flights, the log {solved.drones}"
         return [*checks, _check("VRF584", "flights of the log", where, [note])]
@@ -167,15 +172,13 @@ def _said(
     folder: Path, asked: TypingMapping[str, Any], proved: Sequence[Check]
 ) -> Iterator[str]:
     """Say what the manifest of an export has otherwise; figures of proofs aside."""
-    path = folder / MANIFEST
-    found = parse_json(read_file(path, LARGEST_FILE), str(path))
-    wanted = json.loads(json.dumps(asked))
+    found = read_json(read_file(folder / MANIFEST, LARGEST_FILE), LARGEST_FILE)
+    checks = [one.to_json() for one in proved]
+    wanted = json.loads(json.dumps({**asked, "checks": checks}))
     wanted["proved"] = all(one.verdict != "fail" for one in proved)
-    wanted["checks"] = [{"code": one.code, "verdict": one.verdict} for one in proved]
     try:
-        found["checks"] = [
-            {key: one[key] for key in ("code", "verdict")} for one in found["checks"]
-        ]
+        for said, one in zip(found["checks"], wanted["checks"], strict=False):
+            one |= {key: said[key] for key in _FIGURES & one.keys()}
         # The log may have another name by now; hashes are held against the files.
         wanted["source"]["log"] = str(found["source"]["log"])
         wanted["files"] = {name: found["files"][name] for name in wanted["files"]}

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 from showc.documents.archive import LARGEST_FILE
 from showc.documents.numbers import array, number
-from showc.documents.values import parse_json
+from showc.documents.values import read_json
 from showc.errors import DamagedFileError
-from showc.files import read_file
+from showc.files import read_file, reason_of
 from showc.foreign.facts import Asked
 from showc.foreign.firmware import Firmware
 from showc.foreign.reading import read_show
@@ -62,7 +62,10 @@ DRAWINGS = MAPS | {"gltf", "vviz"}
 
 def is_export(path: Path) -> bool:
     """Whether ``path`` is a folder that ``showc export`` wrote."""
-    return path.is_dir() and (path / MANIFEST).is_file()
+    try:
+        return path.is_dir() and (path / MANIFEST).is_file()
+    except OSError:  # a folder that may not be entered
+        return False
 
 
 def rules_to_json(asked: Asked, flown: Separation) -> dict[str, Any]:
@@ -165,7 +168,10 @@ def read_manifest(folder: Path) -> Manifest:
         If it cannot be read.
     """
     path = folder / MANIFEST
-    content = parse_json(read_file(path, LARGEST_FILE), str(path))
+    try:
+        content = read_json(read_file(path, LARGEST_FILE), LARGEST_FILE)
+    except ValueError as error:
+        raise DamagedFileError(f"{path}: is no JSON ({error})") from None
     if not isinstance(content, dict) or content.get("format_version") != FORMAT_VERSION:
         raise DamagedFileError(f"{path}: is no manifest of version {FORMAT_VERSION}")
     asked, flown = rules_from_json(content.get("rules"), str(path))
@@ -265,12 +271,16 @@ def _strict(check: Check) -> Check:
 
 def hashes(folder: Path, listed: Mapping[str, str]) -> Check:
     """Tell whether the folder holds what the manifest lists, and nothing else."""
-    found = {
-        file.relative_to(folder).as_posix()
-        for file in folder.rglob("*")
-        if file.is_symlink() or not file.is_dir() or not any(file.iterdir())
-    } - {MANIFEST}
-    notes = [f"{name} is missing" for name in sorted(set(listed) - found)]
+    within = {up for name in listed for up in (folder / name).parents}
+    folders = [up for up in sorted(within) if folder in up.parents]
+    notes, found = [], set[str]()
+    try:
+        known = {folder / MANIFEST, *(up for up in folders if not up.is_symlink())}
+        lying = {one for up in (folder, *folders) for one in up.iterdir()} - known
+        found = {one.relative_to(folder).as_posix() for one in lying}
+    except OSError as error:
+        notes = [f"the folder cannot be listed: {reason_of(error)}"]
+    notes += [f"{name} is missing" for name in sorted(set(listed) - found)]
     notes += [f"{name} is not in the manifest" for name in sorted(found - set(listed))]
     for name in sorted(found & set(listed)):
         digest = sha256(read_file(folder / name, LARGEST_FILE)).hexdigest()

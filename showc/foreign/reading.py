@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from showc.errors import DamagedFileError, UsageError
-from showc.files import UnreadableFileError, read_file
+from showc.files import UnreadableFileError, read_file, reason_of
 from showc.foreign.gltf import read_gltf
 from showc.foreign.show import Courses, ForeignShow
 from showc.foreign.skyb import read_compressed, read_skyb
@@ -77,13 +77,16 @@ def _read(path: Path) -> ForeignShow:
 
 
 def _folder(path: Path) -> ForeignShow:
-    files = sorted(
-        file
-        for file in path.iterdir()
-        if file.suffix.lower() in SUFFIXES
-        and not file.name.startswith(".")
-        and file.is_file()
-    )
+    try:
+        files = sorted(
+            file
+            for file in path.iterdir()
+            if file.suffix.lower() in SUFFIXES
+            and not file.name.startswith(".")
+            and file.is_file()
+        )
+    except OSError as error:
+        raise UnreadableFileError(path, reason_of(error)) from None
     kinds = {file.suffix.lower() for file in files}
     if len(files) > MOST_FILES:
         raise DamagedFileError(

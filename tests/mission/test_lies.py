@@ -899,3 +899,47 @@ def test_a_slot_of_lights_that_has_passed_is_caught(case, second):
         return [*rows[:at], slot, light, *rest]
 
     assert "VRF408" in case.caught(case.alike(2, change))
+
+
+def test_a_landing_from_beside_the_pad_is_caught(case):
+    """An autopilot flies level to above the pad first, and not straight down to it."""
+
+    def change(rows):
+        last = max(n for n, one in enumerate(rows) if one[3] == "16")
+        slot = max(n for n, one in enumerate(rows) if one[3] == "93" and one[4] == "-1")
+        again, aside = list(rows[slot]), list(rows[last])
+        again[7] = str(int(again[7]) + 20)
+        aside[9] = f"{float(aside[9]) + 4e-5:.8f}"
+        return [*rows[: last + 1], again, aside, *rows[last + 1 :]]
+
+    assert "VRF404" in case.caught(case.alike(2, change))
+
+
+def test_drones_that_land_before_the_last_one_is_there_are_caught(case):
+    """None but one drone's last slot is later: the others land meanwhile."""
+
+    def change(rows):
+        slots = [n for n, one in enumerate(rows) if one[3] == "93" and one[4] == "-1"]
+        rows[slots[-1]][7] = str(int(rows[slots[-1]][7]) + 8)
+        return rows
+
+    assert "VRF408" in case.caught(case.alike(2, change))
+
+
+@pytest.mark.parametrize("depth", [50, 500, 900])
+def test_a_forecast_nested_beyond_reason_is_caught(case, depth):
+    def change(manifest):
+        delay = 1.0
+        for _ in range(depth):
+            delay = {"distance": delay}
+        manifest["missions"]["prediction"]["delay"] = delay
+        return manifest
+
+    assert "VRF414" in case.caught(manifest=change)
+
+
+def test_lights_on_legs_of_another_move_are_caught_of_an_unknown_autopilot(tmp_path):
+    flight = shift_flight(2, options=LIGHTS, fades=("linear", "end"))
+    case = Case(tmp_path, flight, autopilot="px4")
+    assert case.caught(case.alike(2, lambda rows: rows)) == set()
+    assert "VRF409" in case.caught(case.alike(2, later))

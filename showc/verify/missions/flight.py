@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from showc.verify.missions.legs import FleetLegs
     from showc.verify.specification.demands import Move
 
+_UNREADABLE = LookupError, TypeError, ValueError, AttributeError, OverflowError
 _WORD = re.compile(r"[\w:.,+ -]{1,80}", re.ASCII)
 """An encoding or a time, as a forecast names them."""
 
@@ -77,7 +78,8 @@ def visits(
     stops[:, 0] = show.segments[0].ends()[0][:, :3]
     for number, move in enumerate(logged, 1):
         stops[move.drones, number] = move.goals
-    worst, where, wrong = 0.0, 0, ""
+    # A landing flies level to above its pad first, where it begins beside it.
+    worst, where, wrong, aside = 0.0, 0, "", 2.0 * KNOWN["place"][0]
     for drone, (first, end) in enumerate(pairwise(fleet.first.tolist())):
         own = np.flatnonzero(np.isfinite(stops[drone, :, 0]))
         places = np.concatenate([fleet.begin[[first]], fleet.end[first:end]])
@@ -91,6 +93,8 @@ def visits(
             wrong = f"no item flies to the end of “{name}” in its turn"
         elif visited[-1] != end - first:
             wrong = "flies on after its landing in the log"
+        elif np.any(np.abs(fleet.end - fleet.begin)[end - 1, :2] > aside):
+            wrong = "begins its landing beside its pad"
         elif steps.max() > KNOWN["most_legs"]:
             name = logged[own[1 + int(steps.argmax())] - 1].name
             wrong = f"flies {steps.max()} legs for “{name}”, more than any move has"
@@ -153,11 +157,12 @@ def _check_slots(
     times = np.concatenate([fleet.release[timed], lit])
     spare, after = [times - over[legs - 1]], [legs]
     free, done = np.fmax(over, likely), climbed.copy()
-    # The last move is followed by the landing alone.
-    for number, move in enumerate(logged[:-2]):
+    for number, move in enumerate(logged[:-1]):
         ends, held = reached[move.drones, number], move.held if number else 0.0
         begun = max(float(done[move.drones].max()), float(likely[ends].max()))
-        end = max(float(over[ends].max()), begun + held)
+        end = float(over[ends].max())
+        # A landing waits for no slot, but for all to be there, and hovers first.
+        end = end - pause if move is logged[-2] else max(end, begun + held)
         done[move.drones] = end
         free[ends] = np.maximum(free[ends], end)
         spare.append(leaves[ends + 1] - end)
@@ -233,8 +238,7 @@ def _apart(code: str, found: Encounter, wanted: float) -> Check:
     bound = found.upper - separation.RESOLUTION
     less = f"{wanted:g} m less {wanted - limit:g} m"
     note = f"{less} of the format's rounding and of the proofs' resolution"
-    pair, time = (found.pair[0] + 1, found.pair[1] + 1), found.time or None
-    where = Place(pair=pair, time=time)
+    where = Place(pair=(found.pair[0] + 1, found.pair[1] + 1), time=found.time or None)
     return checked(code, bound >= limit, bound, limit, "m", where=where, notes=(note,))
 
 
@@ -291,7 +295,7 @@ def _as_claimed(
             near = np.inf if close is None else close["distance"] + 0.0
             if near != found and not abs(near - found) <= CONSTANTS["agreement"]:
                 wrong.append(f"prediction.{key}: nearest are {near} m, not {found} m")
-    except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
+    except (*_UNREADABLE, RecursionError):
         wrong = ["the prediction is nothing that can be read"]
     return agreement("VRF414", wrong)
 

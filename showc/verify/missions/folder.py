@@ -99,7 +99,7 @@ class Missions:
 
     def files(self) -> list[Check]:
         """Check names, hashes and every line of the files."""
-        skipped = checked("VRF400", "skipped", notes=("compiled without missions",))
+        skipped = checked("VRF400", "skipped", notes=("none: compiled without",))
         if not self.folder.is_dir():
             note = (
                 f"there is no folder {self.folder.name!r} beside the log; copy it "
@@ -129,8 +129,8 @@ class Missions:
         names, listed = self.names(), object_in(self.described, "files")
         folders = [self.folder, *[self.folder / "missions"] * (not self.none)]
         known = [self.folder / name for name in (MANIFEST, *names)]
-        known += [folder for folder in folders if not folder.is_symlink()]
         try:
+            known += [folder for folder in folders if not folder.is_symlink()]
             strangers = {one for each in folders for one in each.iterdir()} - {*known}
             odd = sorted(one.relative_to(self.folder).as_posix() for one in strangers)
             self.bad += [f"{one}: is of no compile" for one in odd]
@@ -203,7 +203,7 @@ class Missions:
         dark, full = options.light_pwm
         servos = options.light_servos or ()
         ends = np.full((self.show.drones, len(moves)), -1)
-        if self.fleet is not None and self.known:
+        if self.fleet is not None:
             ends = visits(self.fleet, self.show, moves)[0]
             ends = np.where(ends < 0, -1, ends + 1 - self.fleet.first[:-1, None])
         lit = [[Lit([dark] * len(servos), 0)] for _ in range(self.show.drones)]
@@ -248,9 +248,7 @@ class Missions:
 
 def check_parameters(found: bytes, wanted: bytes) -> Check:
     """Hold the lines of a parameter file against those wanted."""
-    lines, right = (
-        text.decode("ascii", "replace").split("\n") for text in (found, wanted)
-    )
+    lines, right = (x.decode("ascii", "replace").split("\n") for x in (found, wanted))
     return agreement("VRF407", unlike(lines, right, "line"))
 
 

@@ -223,9 +223,8 @@ def nearest_landing(fleet: FleetLegs, wanted: Separation) -> Encounter:
     for drone, own in enumerate(land.tolist()) if leaves[land].min() < last else ():
         legs = np.flatnonzero((over > leaves[own]) & (fleet.owner != drone))
         since, excess = leaves[own] - fleet.release[legs] - lag, flights.excess[legs]
-        flown, _ = flights.share(
-            legs, flights.law_time(legs, since) - flights.spread[legs]
-        )
+        late = flights.law_time(legs, since) - flights.spread[legs]
+        flown, _ = flights.share(legs, late)
         for measure in measures(wanted):
             start, stop = (measure.space(some) for some in (fleet.begin, fleet.end))
             way = stop[legs] - start[legs]
