@@ -137,8 +137,9 @@ class _Layout:
         climbed = LIFT_OFF + takeoff.finish() + staging.finish()
         legs = self._scheduled(climbed)
         positions = self.places[-1]
-        # Above the pads already, the last formation is held as well.
+        # Above the pads already, the last formation is held as well, and complete.
         held = [step.hold for step in self.course.steps[-1:]]
+        held += [tick(leg.spread) for leg in legs[-1:] if leg.leg.kind != "approach"]
         pause = max(self.show.landing.hold, 1.0, *held)
         descent = self.builder.build(
             land.drones, positions[land.drones], land.goal, land.limits

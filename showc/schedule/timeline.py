@@ -67,6 +67,15 @@ class ScheduledLeg:
         """Release, stage and how it is likely to be flown, in order."""
         return list(zip(self.releases, self.encoding.stages, self.tracks, strict=True))
 
+    @property
+    def spread(self) -> float:
+        """How much later than its first drone the last one is there [s]."""
+        size = 1 + max(int(stage.drones.max(initial=-1)) for _, stage in self.flown)
+        there = np.full(size, np.nan)
+        for release, stage in self.flown:
+            there[stage.drones] = release + stage.wait + stage.followed
+        return float(np.nanmax(there) - np.nanmin(there))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Timeline:

@@ -915,17 +915,6 @@ def test_a_landing_from_beside_the_pad_is_caught(case):
     assert "VRF404" in case.caught(case.alike(2, change))
 
 
-def test_drones_that_land_before_the_last_one_is_there_are_caught(case):
-    """None but one drone's last slot is later: the others land meanwhile."""
-
-    def change(rows):
-        slots = [n for n, one in enumerate(rows) if one[3] == "93" and one[4] == "-1"]
-        rows[slots[-1]][7] = str(int(rows[slots[-1]][7]) + 8)
-        return rows
-
-    assert "VRF408" in case.caught(case.alike(2, change))
-
-
 @pytest.mark.parametrize("depth", [50, 500, 900])
 def test_a_forecast_nested_beyond_reason_is_caught(case, depth):
     def change(manifest):

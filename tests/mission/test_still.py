@@ -1,10 +1,12 @@
 """Legs in which nobody moves, and landings from where the fleet stands already."""
 
+import numpy as np
 import pytest
 from mission.flights import formula_flight, rows
 from mission.planted import Case
 
 from showc.plan import build_itinerary
+from showc.schedule.timeline import ScheduledLeg
 from showc.script import read_show
 
 SCRIPT = """\
@@ -57,6 +59,47 @@ def test_what_stands_above_the_pads_is_held_and_lands_dark(case):
 
     assert "VRF405" in case.caught(case.with_row(1, sooner))
     assert "VRF409" in case.caught(case.with_row(1, lit))
+
+
+def test_drones_that_land_before_the_last_one_is_there_are_caught(case):
+    """Nothing but one drone's last slot is later: the others land meanwhile."""
+
+    def later(seconds):
+        def change(fields):
+            slots = [n for n, row in enumerate(fields) if row[3:5] == ["93", "-1"]]
+            fields[slots[-1]][7] = str(int(fields[slots[-1]][7]) + seconds)
+            return fields
+
+        return change
+
+    assert case.caught(case.alike(1, later(0))) == set()
+    assert "VRF408" in case.caught(case.alike(1, later(12)))
+
+
+@pytest.mark.parametrize(("spread", "pause"), [(0.7, "9"), (12.34, "12.4")])
+def test_a_formation_above_the_pads_is_complete_before_a_drone_lands(
+    spread, pause, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(ScheduledLeg, "spread", property(lambda _: spread))
+    flight = formula_flight(build_itinerary(read_show(SCRIPT.encode()).show))
+    case = Case(tmp_path, flight)
+    assert case.failures() == set()
+    for name, content in case.files.items():
+        if name.endswith(".waypoints"):
+            assert f"\t93\t{pause}\t".encode() in content
+
+
+def test_the_spread_of_a_leg_counts_waits_and_stages():
+    class Flown:
+        def __init__(self, drones, wait, followed):
+            self.drones, self.wait = np.array(drones), np.array(wait)
+            self.followed = np.array(followed)
+
+    class Encoded:
+        stages = Flown([0, 2], [0.0, 1.0], [3.0, 3.0]), Flown([2], [0.5], [2.0])
+
+    leg = ScheduledLeg(None, Encoded(), (10.0, 15.0), 0.0, 0.0)
+    assert leg.spread == pytest.approx(17.5 - 13.0)
 
 
 STAYS = """\

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.documents.values import unlike
+from showc.log import showc_pb2 as pb
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
 from showc.verify.kernel.show import LoggedShow, xyz
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from showc.arrays import FloatArray, IntArray
-    from showc.log.showc_pb2 import Site
     from showc.script.show import Show
     from showc.verify.kernel.separation import Encounter
     from showc.verify.missions.legs import FleetLegs
@@ -49,6 +49,7 @@ def check_flight(
     ``logged``, with the slack that the script asks for after the latest end of a leg.
     """
     reached, ends = visits(fleet, show, logged)
+    approach = any(one.message.kind == pb.Segment.APPROACH for one in show.segments)
     wanted = show.rules.separation
     apart = {
         "VRF411": separation.nearest_timed(fleet, wanted),
@@ -58,7 +59,7 @@ def check_flight(
     }
     return [
         ends,
-        _check_slots(fleet, reached, logged, script),
+        _check_slots(fleet, reached, logged, script.mission.slack, -1 - approach),
         *boundaries(fleet, show.rules.site),
         *(_apart(code, found, wanted.distance) for code, found in apart.items()),
         _as_claimed(apart, fleet, show, described, logged),
@@ -135,7 +136,7 @@ def _climbs(fleet: FleetLegs) -> FloatArray:
 
 
 def _check_slots(
-    fleet: FleetLegs, reached: IntArray, logged: list[Move], script: Show
+    fleet: FleetLegs, reached: IntArray, logged: list[Move], slack: float, last: int
 ) -> Check:
     """Whether no drone leaves before a move has ended, and none waits for nothing.
 
@@ -144,8 +145,7 @@ def _check_slots(
     waits no longer than that, so no slot is an hour late.
     """
     flights, timed = fleet.profiles, np.flatnonzero(fleet.timed)
-    lag, slack = CONSTANTS["clock_lag"], script.mission.slack
-    pause = max(slack, CONSTANTS["settling"])
+    lag, pause = CONSTANTS["clock_lag"], max(slack, CONSTANTS["settling"])
     likely = fleet.release + flights.followed(0.0) + 0.5 * lag
     over = fleet.release + flights.followed(flights.late) + lag + pause
     climb = fleet.first[:-1] + 1
@@ -157,12 +157,12 @@ def _check_slots(
     times = np.concatenate([fleet.release[timed], lit])
     spare, after = [times - over[legs - 1]], [legs]
     free, done = np.fmax(over, likely), climbed.copy()
-    for number, move in enumerate(logged[:-1]):
+    # No slot follows the last move, and each drone lands after an approach of its own.
+    for number, move in enumerate(logged[:last]):
         ends, held = reached[move.drones, number], move.held if number else 0.0
         begun = max(float(done[move.drones].max()), float(likely[ends].max()))
-        end = float(over[ends].max())
-        # A landing waits for no slot, but for all to be there, and hovers first.
-        end = end - pause if move is logged[-2] else max(end, begun + held)
+        end = max(float(over[ends].max()), begun + held)
+        end = end if move is not logged[-2] else float(likely[ends].max()) - pause
         done[move.drones] = end
         free[ends] = np.maximum(free[ends], end)
         spare.append(leaves[ends + 1] - end)
@@ -194,7 +194,7 @@ def _check_slots(
     return checked("VRF408", holds, value, 0.0, "s", where=where, notes=(note,))
 
 
-def boundaries(fleet: FleetLegs, site: Site) -> Iterator[Check]:
+def boundaries(fleet: FleetLegs, site: pb.Site) -> Iterator[Check]:
     """Hold all lines against walls and fence, with what is flown beyond their ends.
 
     Lines keep the fence's margin, from the walls where these are the fence; what is
