@@ -70,11 +70,11 @@ class ScheduledLeg:
     @property
     def spread(self) -> float:
         """How much later than its first drone the last one is there [s]."""
-        size = 1 + max(int(stage.drones.max(initial=-1)) for _, stage in self.flown)
-        there = np.full(size, np.nan)
+        there = dict[int, float]()
         for release, stage in self.flown:
-            there[stage.drones] = release + stage.wait + stage.followed
-        return float(np.nanmax(there) - np.nanmin(there))
+            own = release + stage.wait + stage.followed
+            there |= zip(stage.drones.tolist(), own.tolist(), strict=True)
+        return max(there.values(), default=0.0) - min(there.values(), default=0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -194,7 +194,7 @@ def test_what_the_manifest_of_an_export_says_is_of_the_log(beside, words):
 def test_what_lies_unseen_beside_an_export_is_found(beside):
     for make in (lambda path: path.mkdir(), lambda path: path.symlink_to("/nowhere")):
         make(beside.with_name("show-skyb") / "more")
-        assert failed(beside) in ({"VRF581"}, {"VRF583"})
+        assert failed(beside) == {"VRF581"}
         shutil.rmtree(beside.with_name("show-skyb") / "more", ignore_errors=True)
         (beside.with_name("show-skyb") / "more").unlink(missing_ok=True)
     assert failed(beside) == set()
@@ -326,10 +326,8 @@ def test_an_export_that_lacks_a_file_is_a_finding_among_others(beside, change):
     assert groups == {"export kml", "export crazyflie", "export skyb"}
 
 
-@pytest.mark.parametrize("name", ["", "sub"])
-def test_an_export_that_cannot_be_listed_is_a_finding(beside, name, monkeypatch):
-    closed, listed = beside.with_name("show-skyb") / name, Path.iterdir
-    closed.mkdir(exist_ok=True)
+def test_an_export_that_cannot_be_listed_is_a_finding(beside, monkeypatch):
+    closed, listed = beside.with_name("show-skyb"), Path.iterdir
 
     def iterdir(path):
         if path == closed:
@@ -337,7 +335,7 @@ def test_an_export_that_cannot_be_listed_is_a_finding(beside, name, monkeypatch)
         return listed(path)
 
     monkeypatch.setattr(Path, "iterdir", iterdir)
-    assert failed(beside) in ({"VRF581"}, {"VRF583"})
+    assert failed(beside) == {"VRF583"}
 
 
 def test_an_export_that_cannot_be_read_is_a_finding(beside):

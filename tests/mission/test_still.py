@@ -102,6 +102,17 @@ def test_the_spread_of_a_leg_counts_waits_and_stages():
     assert leg.spread == pytest.approx(17.5 - 13.0)
 
 
+def test_a_show_that_ends_in_another_colour_has_missions(tmp_path):
+    text = SCRIPT.replace(
+        "landing:",
+        "  - {to: above, colour: gold, hold: 2, assignment: fixed}\nlanding:",
+    )
+    case = Case(
+        tmp_path, formula_flight(build_itinerary(read_show(text.encode()).show))
+    )
+    assert case.failures() == set()
+
+
 STAYS = """\
 showc: 1
 drones: 3
