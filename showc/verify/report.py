@@ -233,7 +233,7 @@ def _standing(checks: Sequence[Check]) -> Standing:
 def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
     """Return a standing in words, with the figure that is worst."""
     if standing == "none":
-        return next((c.notes[0] for c in checks if c.code == "VRF400"), "none")
+        return next((f"none: {c.notes[0]}" for c in checks if c.notes), "none")
     bad = [check for check in checks if check.verdict in {"fail", "unproved"}]
     if bad:
         count = f"{len(bad)} of {len(checks)} checks"

@@ -99,7 +99,7 @@ class Missions:
 
     def files(self) -> list[Check]:
         """Check names, hashes and every line of the files."""
-        skipped = checked("VRF400", "skipped", notes=("none: compiled without",))
+        skipped = checked("VRF400", "skipped", notes=("compiled without missions",))
         if not self.folder.is_dir():
             note = (
                 f"there is no folder {self.folder.name!r} beside the log; copy it "
