@@ -137,9 +137,8 @@ class _Layout:
         climbed = LIFT_OFF + takeoff.finish() + staging.finish()
         legs = self._scheduled(climbed)
         positions = self.places[-1]
-        # Above the pads already, the last formation is held as well, and complete.
+        # Above the pads already, the last formation is held as well.
         held = [step.hold for step in self.course.steps[-1:]]
-        held += [tick(leg.spread) for leg in legs[-1:] if leg.leg.kind != "approach"]
         pause = max(self.show.landing.hold, 1.0, *held)
         descent = self.builder.build(
             land.drones, positions[land.drones], land.goal, land.limits
@@ -240,8 +239,8 @@ class _Layout:
                 legs += self._beside(number, step)
             else:
                 release = self._release(number, encodings[number].stages, self.free)
-                leg, self.free = self._timed(number, encodings[number], release)
-                self.arrival = leg.arrival
+                leg = self._timed(number, encodings[number], release)
+                self.arrival, self.free = leg.arrival, leg.over
                 legs.append(leg)
             number += len(step.moves)
             self.free = max(self.free, self.arrival + step.hold)
@@ -272,10 +271,8 @@ class _Layout:
             self.shift = max(tick(soonest - wanted), 0.0)
         return max(round(round((self.shift + wanted) / STEP) * STEP, 6), soonest)
 
-    def _timed(
-        self, number: int, encoding: Encoding, release: float
-    ) -> tuple[ScheduledLeg, float]:
-        """Put a move on the clock; also return when its drones may leave again [s]."""
+    def _timed(self, number: int, encoding: Encoding, release: float) -> ScheduledLeg:
+        """Put a move on the clock."""
         releases = [
             release + self._takes(number, encoding.stages[:count])[1]
             for count in range(len(encoding.stages))
@@ -288,8 +285,7 @@ class _Layout:
             time, arrives = move.cue
             late = (arrival if arrives else release) - self.shift - time
         rounded = tuple(round(one, 6) for one in releases)
-        leg = ScheduledLeg(move, encoding, rounded, arrival, late)
-        return leg, release + over
+        return ScheduledLeg(move, encoding, rounded, arrival, release + over, late)
 
     def _beside(self, number: int, step: Step) -> list[ScheduledLeg]:
         """Encode moves of groups that have times of their own, and release them."""
@@ -312,12 +308,12 @@ class _Layout:
         for place in order:
             leg = step.moves[place].leg
             mine = float(free[leg.drones].max())
-            found, over = self._among(number + place, legs, mine)
+            found = self._among(number + place, legs, mine)
             legs.append(found)
             held = 0.0
             if leg.transition is not None:
                 held = self.show.transitions[leg.transition].hold
-            free[leg.drones] = max(over, found.arrival + held)
+            free[leg.drones] = max(found.over, found.arrival + held)
         self.free = float(free.max())
         self.arrival = max(leg.arrival for leg in legs)
         flown = [part for leg in legs for part in leg.flown]
@@ -335,7 +331,7 @@ class _Layout:
 
     def _among(
         self, number: int, legs: Sequence[ScheduledLeg], free: float
-    ) -> tuple[ScheduledLeg, float]:
+    ) -> ScheduledLeg:
         """Put a move beside those of other groups; it waits for them if it must.
 
         Parameters
@@ -346,11 +342,6 @@ class _Layout:
             What is on the clock already.
         free
             Before this it is not released [s].
-
-        Returns
-        -------
-        tuple
-            The move on the clock, and when its drones may leave again [s].
 
         Raises
         ------

@@ -42,6 +42,8 @@ class ScheduledLeg:
     """Mission time at which each stage is released, multiples of 0.1 s [s]."""
     arrival: float
     """Mission time at which its last drone most likely arrives [s]."""
+    over: float
+    """Mission time at which its drones may leave again [s]."""
     late: float
     """By how much it misses the time that the script asks for, if it does [s]."""
     tracks: tuple[Tracks, ...] = ()
@@ -66,15 +68,6 @@ class ScheduledLeg:
     def tracked(self) -> list[tuple[float, Stage, Tracks]]:
         """Release, stage and how it is likely to be flown, in order."""
         return list(zip(self.releases, self.encoding.stages, self.tracks, strict=True))
-
-    @property
-    def spread(self) -> float:
-        """How much later than its first drone the last one is there [s]."""
-        there = dict[int, float]()
-        for release, stage in self.flown:
-            own = release + stage.wait + stage.followed
-            there |= zip(stage.drones.tolist(), own.tolist(), strict=True)
-        return max(there.values(), default=0.0) - min(there.values(), default=0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,14 +107,21 @@ class Timeline:
 
     @property
     def waiting(self) -> tuple[IntArray, float]:
-        """Drones that do not fly last, and until when they wait to land [s].
+        """Drones that wait for a slot to land, and until when they do [s].
 
-        By their own they would land as soon as they have flown, beneath the others.
+        Those that do not fly last would land as soon as they have flown, beneath the
+        others; those that come much sooner than others, before the last formation is
+        complete.
         """
         if not self.legs:
             return np.empty(0, dtype=np.int64), 0.0
         last = max(self.legs, key=lambda leg: leg.arrival)
+        waits = np.ones(self.pads.shape[0], dtype=bool)
+        for release, stage in last.flown:
+            lands = release + stage.wait + stage.followed + self.landing_pause
+            sooner = (lands < last.arrival) & (last.leg.kind != "approach")
+            waits[stage.drones] = sooner
         flown = np.concatenate([stage.drones for stage in last.encoding.stages])
-        # On the grid of slots.
-        until = ceil(10.0 * last.arrival) / 10.0
-        return np.setdiff1d(np.arange(self.pads.shape[0]), flown), until
+        # One that has flown just before needs slack; on the grid of slots.
+        until = last.over if waits[flown].any() else last.arrival
+        return np.flatnonzero(waits), ceil(10.0 * until) / 10.0

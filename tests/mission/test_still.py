@@ -1,12 +1,10 @@
 """Legs in which nobody moves, and landings from where the fleet stands already."""
 
-import numpy as np
 import pytest
 from mission.flights import formula_flight, rows
 from mission.planted import Case
 
 from showc.plan import build_itinerary
-from showc.schedule.timeline import ScheduledLeg
 from showc.script import read_show
 
 SCRIPT = """\
@@ -76,30 +74,40 @@ def test_drones_that_land_before_the_last_one_is_there_are_caught(case):
     assert "VRF408" in case.caught(case.alike(1, later(12)))
 
 
-@pytest.mark.parametrize(("spread", "pause"), [(0.7, "9"), (12.34, "12.4")])
-def test_a_formation_above_the_pads_is_complete_before_a_drone_lands(
-    spread, pause, tmp_path, monkeypatch
+SPREAD = """\
+showc: 1
+drones: 2
+pads: {type: points, points: [[0, 0, 0], [40, 0, 0]]}
+launch: {altitude: 8, hold: 1}
+formations:
+  away: {type: points, points: [[0, 2, 8], [40, 38, 8]]}
+  above: {type: points, points: [[0, 0, 8], [40, 0, 8]]}
+transitions:
+  - {to: away, hold: 1, assignment: fixed}
+  - {to: above, hold: 0 s, assignment: fixed}
+landing: {altitude: 8, hold: 0 s}
+"""
+
+
+def test_a_drone_that_comes_much_sooner_waits_until_the_last_formation_is_complete(
+    tmp_path,
 ):
-    monkeypatch.setattr(ScheduledLeg, "spread", property(lambda _: spread))
-    flight = formula_flight(build_itinerary(read_show(SCRIPT.encode()).show))
+    """Its way is too short to be flown as slowly as the other's."""
+    flight = formula_flight(build_itinerary(read_show(SPREAD.encode()).show))
     case = Case(tmp_path, flight)
+    soon, last = case.missions.prediction["legs"][-1]["arrivals"]
+    assert soon < last - 3.0
     assert case.failures() == set()
-    for name, content in case.files.items():
-        if name.endswith(".waypoints"):
-            assert f"\t93\t{pause}\t".encode() in content
-
-
-def test_the_spread_of_a_leg_counts_waits_and_stages():
-    class Flown:
-        def __init__(self, drones, wait, followed):
-            self.drones, self.wait = np.array(drones), np.array(wait)
-            self.followed = np.array(followed)
-
-    class Encoded:
-        stages = Flown([0, 2], [0.0, 1.0], [3.0, 3.0]), Flown([2], [0.5], [2.0])
-
-    leg = ScheduledLeg(None, Encoded(), (10.0, 15.0), 0.0, 0.0)
-    assert leg.spread == pytest.approx(17.5 - 13.0)
+    first, second = (
+        rows(case.files[f"missions/drone_000{drone}.waypoints"]) for drone in (1, 2)
+    )
+    assert [row[3] for row in first[-3:]] == [16, 93, 21]
+    assert first[-3][8:10] == first[-1][8:10]
+    assert sum(row[3] == 16 for row in first) == 1 + sum(row[3] == 16 for row in second)
+    # Without that slot it lands before the other one is there.
+    slot = max(n for n, row in enumerate(first) if row[3:5] == [93, -1])
+    early = case.alike(1, lambda fields: [*fields[:slot], *fields[-2:]])
+    assert "VRF408" in case.caught(early)
 
 
 def test_a_show_that_ends_in_another_colour_has_missions(tmp_path):
