@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.documents.archive import LARGEST_FILE
-from showc.documents.values import read_json, unlike
+from showc.documents.values import unlike
 from showc.errors import DamagedFileError, UsageError
 from showc.export.error import error_of
 from showc.export.fit import tracks_of
@@ -44,6 +44,7 @@ from showc.foreign.folder import (
     hashes,
     is_export,
     prove,
+    read_document,
     read_manifest,
     rules_to_json,
 )
@@ -172,7 +173,7 @@ def _said(
     folder: Path, asked: TypingMapping[str, Any], proved: Sequence[Check]
 ) -> Iterator[str]:
     """Say what the manifest of an export has otherwise; figures of proofs aside."""
-    found = read_json(read_file(folder / MANIFEST, LARGEST_FILE), LARGEST_FILE)
+    found = read_document(folder)
     checks = [one.to_json() for one in proved]
     wanted = json.loads(json.dumps({**asked, "checks": checks}))
     wanted["proved"] = all(one.verdict != "fail" for one in proved)

@@ -245,9 +245,9 @@ class Elastic:
         cost += self._turning(flown, slope, price)
         cost += self._behind(flown, slope, price)
         if hurry:
-            cost += hurry * float(np.exp(slower))
-            later += hurry * float(np.exp(slower))
-            later -= float(self.order @ np.einsum("mna,mna->m", slope, flown))
+            haste = hurry * float(np.exp(slower))
+            cost += haste
+            later += haste - float(self.order @ np.einsum("mna,mna->m", slope, flown))
         slope *= pace
         energy = _ENERGY * self.crowd.duration
         cost += 0.5 * energy * float((flat**2).sum())
