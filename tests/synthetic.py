@@ -341,7 +341,7 @@ def fly(show: Show, stops: list[tuple[str, str, np.ndarray, int | None]], trajec
                 else fly_one(vehicle, start, end, time, yaw)
                 for start, end in zip(place, target, strict=True)
             )
-            closest = None if holding else closest_sampled(parts, time)
+            closest = closest_sampled(parts, time)
             certificate = Certificate(
                 duration=time,
                 single_drone_minimum=0.0 if holding else 0.97 * time,

@@ -90,6 +90,7 @@ ROOMS_OF_VERIFY = {
     "verify": {
         "verify",
         "codes",
+        "documents",
         "errors",
         "_version",
         "files",

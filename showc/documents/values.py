@@ -8,7 +8,7 @@ from contextlib import suppress
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from showc.errors import DamagedFileError
+from showc.errors import DamagedFileError, escaped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -51,9 +51,7 @@ def parse_json(
     DamagedFileError
         If it is none, is nested beyond all reason, or would take too much memory.
     """
-    containers = content.count(b"[") + content.count(b"{")
-    needed = _PER_CONTAINER * containers + _PER_VALUE * content.count(b",")
-    most = MOST_MEMORY
+    needed, most = _memory(content), MOST_MEMORY
     if gathered is not None:
         most = max(most, _PER_BYTE * len(content))
     if needed > most:
@@ -69,17 +67,25 @@ def parse_json(
         raise DamagedFileError(f"{name}: is no JSON ({error})") from None
 
 
+def _memory(content: bytes) -> int:
+    """Return what a document takes in memory at least [bytes]."""
+    containers = content.count(b"[") + content.count(b"{")
+    return _PER_CONTAINER * containers + _PER_VALUE * content.count(b",")
+
+
 def read_json(content: bytes, most: int) -> Any:  # noqa: ANN401 - JSON
     """Return what a document of at most ``most`` bytes says to all readers alike.
 
     Raises
     ------
     ValueError
-        If it is no JSON, holds a number that is none, or one key twice, or has more
-        bytes.
+        If it is no JSON, holds a number that is none, or one key twice, has more
+        bytes, or would take more memory than :data:`MOST_MEMORY`.
     """
     if len(content) > most:
         raise ValueError(f"it has {len(content):,} bytes")
+    if (needed := _memory(content)) > MOST_MEMORY:
+        raise ValueError(f"it would take {needed >> 20:,} MB of memory")
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         found = dict(pairs)
@@ -150,3 +156,16 @@ def _agree(found: Any, wanted: Any, rounding: float, least: float) -> bool:  # n
         with suppress(OverflowError):
             return bool(abs(found - wanted) <= rounding * max(least, abs(wanted)))
     return False
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - whatever there is
+    """Value that JSON can hold: texts printable, numbers finite or None."""
+    if isinstance(value, str):
+        return escaped(value)
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [plain(one) for one in value]
+    if isinstance(value, float) and not isfinite(value):
+        return None
+    return value

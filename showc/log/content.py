@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from showc.log import showc_pb2 as pb
-from showc.log.schema import FORMAT_VERSION
+from showc.log.schema import FORMAT_VERSION, message_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from google.protobuf.message import Message
-
     from showc.arrays import FloatArray
     from showc.flight import Certificate, Flight, LegFlight, Trajectory
     from showc.script.show import Show
     from showc.vehicle import Limits
-
-Copy = TypeVar("Copy", bound="Message")
 
 SHAPES = {
     "sphere": pb.Separation.SPHERE,
@@ -38,30 +32,9 @@ KINDS = {
 }
 
 
-def vector(values: Sequence[float]) -> pb.Vector3:
-    """Three numbers as a message."""
-    x, y, z = (float(value) for value in values)
-    return pb.Vector3(x=x, y=y, z=z)
-
-
 def limits_in_use(flight: Flight) -> list[Limits]:
     """Return each set of limits of the flight once, in the order of first use."""
     return list(dict.fromkeys(flown.leg.limits for flown in flight.legs))
-
-
-def _copied(kind: type[Copy], source: object, **other: object) -> Copy:
-    """Return a message with what a dataclass has under the names of its fields."""
-    message = kind(**other)
-    for field in kind.DESCRIPTOR.fields:
-        if field.name not in other:
-            value = getattr(source, field.name)
-            if field.message_type is not None:
-                getattr(message, field.name).CopyFrom(vector(value))
-            elif isinstance(value, tuple):
-                getattr(message, field.name).extend(value)
-            else:
-                setattr(message, field.name, value)
-    return message
 
 
 def rules_message(flight: Flight) -> pb.Rules:
@@ -74,16 +47,16 @@ def rules_message(flight: Flight) -> pb.Rules:
         name=show.name,
         drones=show.drones,
         duration=flight.duration,
-        site=_copied(pb.Site, site, fence=fence),
-        vehicle=_copied(pb.Vehicle, show.vehicle),
-        separation=_copied(
+        site=message_of(pb.Site, site, fence=fence),
+        vehicle=message_of(pb.Vehicle, show.vehicle),
+        separation=message_of(
             pb.Separation, show.separation, shape=SHAPES[show.separation.shape]
         ),
         yaw_held=show.yaw == "held",
         heading=show.heading,
         log_rate=show.log_rate,
         formations=_formation_messages(show),
-        limits=[_copied(pb.Limits, limits) for limits in limits_in_use(flight)],
+        limits=[message_of(pb.Limits, limits) for limits in limits_in_use(flight)],
     )
 
 
@@ -146,7 +119,7 @@ def trajectory_message(flown: LegFlight, number: int, position: int) -> pb.Traje
         drone=int(flown.leg.drones[position]),
         state_degree=trajectory.state.degree,
         control_degree=trajectory.control.degree,
-        meshes=[_copied(pb.Mesh, mesh) for mesh in trajectory.meshes],
+        meshes=[message_of(pb.Mesh, mesh) for mesh in trajectory.meshes],
     )
     # As they lie in memory: number by number takes many times as long.
     message.MergeFromString(
@@ -185,7 +158,9 @@ def _certificate_message(certificate: Certificate) -> pb.Certificate:
     if certificate.witness is not None:
         witness = certificate.witness
         multipliers = [x for knot in witness.multipliers for x in knot]
-        message.witness.CopyFrom(_copied(pb.Witness, witness, multipliers=multipliers))
+        message.witness.CopyFrom(
+            message_of(pb.Witness, witness, multipliers=multipliers)
+        )
     if certificate.closest is not None:
-        message.closest.CopyFrom(_copied(pb.Encounter, certificate.closest))
+        message.closest.CopyFrom(message_of(pb.Encounter, certificate.closest))
     return message

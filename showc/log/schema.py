@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
 if TYPE_CHECKING:
     from google.protobuf.descriptor import FileDescriptor
     from google.protobuf.message import Message
+
+    Built = TypeVar("Built", bound=Message)
 
 FORMAT_VERSION = 1
 """Version of the log's layout; in its metadata and in ``showc.Rules``."""
@@ -50,6 +52,22 @@ def state_topic(drone: int) -> str:
 def trajectory_topic(drone: int) -> str:
     """Topic of the drone's exact flight; ``drone`` counts from 0, topics from 1."""
     return f"/drone/{drone + 1:04d}/trajectory"
+
+
+def message_of(kind: type[Built], source: object, **given: Any) -> Built:  # noqa: ANN401
+    """Fill a message: its fields have the names of the attributes of ``source``.
+
+    Attributes are numbers, texts, tuples of them, or vectors of three numbers; what is
+    ``given`` by name is taken from there.
+    """
+    values: dict[str, Any] = {}
+    for entry in kind.DESCRIPTOR.fields:
+        name = entry.name
+        value = given[name] if name in given else getattr(source, name)
+        if entry.message_type is not None and name not in given:
+            value = dict(zip("xyz", map(float, value), strict=True))
+        values[name] = value
+    return kind(**values)
 
 
 def descriptor_set(message: type[Message]) -> bytes:

@@ -242,8 +242,9 @@ def _typical_delay(timeline: Timeline) -> float:
         for leg in timeline.legs
         for stage in leg.encoding.stages
     ]
-    every = np.concatenate(delays) if delays else np.zeros(1)
-    return float(np.median(every)) + CLOCK_LIKELY
+    # Where no drone moves, legs have no stages, or such of no drone.
+    every = np.concatenate([*delays, np.zeros(0)])
+    return (float(np.median(every)) if every.size else 0.0) + CLOCK_LIKELY
 
 
 def _latest(timeline: Timeline) -> float | None:

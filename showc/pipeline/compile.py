@@ -86,7 +86,9 @@ def build_manifest(
         **facts,
         "missions": {**missions, "files": listed},
     }
-    return (json.dumps(manifest, indent=1, ensure_ascii=False) + "\n").encode()
+    return (
+        json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    ).encode()
 
 
 def _greatest_height(flight: Flight) -> float:

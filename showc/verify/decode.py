@@ -121,6 +121,8 @@ def _on(log: LogFile, topic: str) -> set[int]:
 def _parsed(kind: type[Parsed], message: LoggedMessage) -> Parsed:
     """Decode one message; damage if it does not decode."""
     name = kind.DESCRIPTOR.full_name
+    if kind in {pb.Segment, pb.Trajectory} and len(message.data) > CAPS["message"]:
+        raise Damage(message.offset, f"a {name} is larger than any of showc's")
     try:
         found = kind.FromString(message.data)
     except (DecodeError, RecursionError, MemoryError) as error:
@@ -184,7 +186,7 @@ def _sound(message: pb.Segment, rules: pb.Rules) -> bool:
         and message.start >= 0.0
         and message.duration > 0.0
         and all(
-            len(one.witness.knots) <= CAPS["knots"]
+            max(len(one.witness.knots), len(one.statistics)) <= CAPS["knots"]
             for one in (certificate, *(move.certificate for move in message.moves))
         )
     )
@@ -234,6 +236,7 @@ def _flown(
         said = found.segment, found.drone, drones[logged.channel], logged.time
         if said != (which, drone, drone, times[which]):
             raise Damage(logged.offset, "a trajectory is not in its turn")
+        found.ClearField("meshes")  # of them nothing is proved
         flights.append((found, logged.offset))
     return _table(flights)
 

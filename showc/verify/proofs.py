@@ -55,9 +55,8 @@ def verify_log(
     missions
         Whether to check the files in that folder too.
     jobs
-        Processes to share the work; None: one for each core. The copies are made by
-        ``fork``: a caller with threads of its own had better leave it at 1. What is
-        found does not depend on it.
+        Processes, forked, to share the work; None: one for each core. A caller with
+        threads of its own had better leave it at 1.
     progress
         Hears of the course of the work.
     script

@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from showc.errors import escaped
+from showc.documents.values import plain
 from showc.verify.codes import GROUPS, codes
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class Check:
     def to_json(self) -> dict[str, Any]:
         """Return a dictionary that JSON can hold."""
         where = {key: one for key, one in asdict(self.where).items() if one is not None}
-        return dict(_plain(asdict(self) | {"where": where}))
+        return dict(plain(asdict(self) | {"where": where}))
 
 
 def checked(
@@ -206,7 +206,7 @@ class Verification:
         same = ("drones", "duration", "anchor", "verdict", "trajectories", "missions")
         for name in (*same, "proved", "passed", "exit_code"):
             said[name] = getattr(self, name)
-        return {**_plain(said), "checks": [check.to_json() for check in self.checks]}
+        return {**plain(said), "checks": [check.to_json() for check in self.checks]}
 
 
 def format_number(value: float, digits: int = 6) -> str:
@@ -225,9 +225,8 @@ def _standing(checks: Sequence[Check]) -> Standing:
         return "not proved"
     if "accepted" in verdicts:
         return "accepted"
-    if any(c.code == "VRF400" and c.verdict == "skipped" for c in checks):
-        return "none"
-    return "proved" if "pass" in verdicts else "none"
+    none = any(c.code == "VRF400" and c.verdict == "skipped" for c in checks)
+    return "proved" if "pass" in verdicts and not none else "none"
 
 
 def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
@@ -240,8 +239,7 @@ def _outcome(standing: Standing, checks: Sequence[Check]) -> str:
         return f"NOT PROVED ({count}; {bad[0].code}: {bad[0].name}{figure(bad[0])})"
     if standing == "accepted":
         open_ = next(check for check in checks if check.verdict == "accepted")
-        why = "; ".join(open_.notes)
-        return f"NOT PROVED, as the script accepts ({open_.code}: {why})"
+        return f"NOT PROVED, as the script accepts ({open_.code}: {open_.notes[0]})"
     parts = []
     near = [c for c in checks if c.code in _NEAREST and c.limit is not None]
     if near:
@@ -259,16 +257,3 @@ def figure(check: Check) -> str:
     if not value:
         return f": {check.notes[0]}" if check.notes else ""
     return f" {value}" + (f", {limit}" if limit else "")
-
-
-def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a check holds
-    """Value that JSON can hold: texts printable, numbers finite or None."""
-    if isinstance(value, str):
-        return escaped(value)
-    if isinstance(value, dict):
-        return {key: _plain(one) for key, one in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [_plain(one) for one in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

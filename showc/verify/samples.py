@@ -145,12 +145,10 @@ class Compared:
     def check(self, code: str) -> Check:
         """Turn into a check."""
         holds = not (self.bad or self.odd)
-        if not self.samples:
-            return checked(code, holds, notes=tuple(self.odd[:3]))
-        notes = [f"{self.samples:,} numbers compared"]
+        notes = [f"{self.samples:,} numbers compared"] * bool(self.samples)
         notes += [f"{self.bad:,} of them are off"] * bool(self.bad) + self.odd[:3]
-        facts = code, holds, self.value, 1.0, "of what is allowed"
-        return checked(*facts, where=self.where, notes=tuple(notes))
+        facts = (self.value, 1.0, "of what is allowed") if self.samples else ()
+        return checked(code, holds, *facts, where=self.where, notes=tuple(notes))
 
 
 Found = dict[str, Compared]
@@ -183,8 +181,8 @@ class Samples:
         script: Show,
         tubes: Tubes | None,
     ) -> None:
-        self.log, self.show, self.lights, self.script = log, show, lights, script
-        self.tubes = tubes
+        self.log, self.show, self.script = log, show, script
+        self.lights, self.tubes = lights, tubes
         self.topics = {c.topic: number for number, c in log.channels.items()}
         self.single = {
             self.topics[topic]: drone
@@ -239,7 +237,12 @@ class Samples:
             layout.odd.append("its samples are not at the steps of the log rate")
         if self.tubes is None:
             return {"VRF127": layout} if PREDICTED in self.topics else {}
-        if not end >= self.tubes.last:
+        channel, share = {self.topics.get(PREDICTED, -1)}, max(times.size, 1)
+        final = [*self._messages(channel, share - 1, share)]
+        points, ended = self._points(final, sample.PLACE), False
+        if points is not None and self.tubes.last <= end <= self.tubes.latest:
+            ended = self.tubes.landed(_columns(points, "xyz"))
+        if not ended:
             drawn.odd.append("the log does not draw the missions to their end")
         return {"VRF127": layout, "VRF421": drawn}
 

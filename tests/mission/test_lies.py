@@ -6,6 +6,7 @@ import shutil
 from collections import Counter
 from dataclasses import replace
 from datetime import timedelta, timezone
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -581,6 +582,8 @@ class Shifted:
         {"late": 2.0},
         {"late": -2.0},
         {"until": 0.5},
+        {"until": 0.97},
+        {"until": 9.0},
     ],
 )
 def test_a_fleet_drawn_elsewhere_is_caught(tmp_path, shift, monkeypatch):
@@ -690,8 +693,56 @@ def test_a_plan_of_another_writer_is_caught(case, old, new):
 def test_a_corner_of_the_fence_off_by_one_unit_of_its_rounding_is_caught(case):
     document = json.loads(case.files[PLAN])
     corner = document["geoFence"]["polygons"][0]["polygon"][0]
-    corner[0] += 1.3e-7
-    assert "VRF406" in case.caught({PLAN: json.dumps(document).encode()})
+    own = list(corner)
+    for axis, off in product((0, 1), (1e-7, -1e-7, 3e-8, 1.3e-7)):
+        corner[:] = own
+        corner[axis] = round(own[axis] + off, 9)
+        assert "VRF406" in case.caught({PLAN: json.dumps(document).encode()})
+
+
+def test_a_mission_that_its_board_cannot_hold_is_caught(case):
+    """Speeds may be said twice, but not two thousand times."""
+
+    def change(rows):
+        at = next(n for n, row in enumerate(rows) if row[3] == "178")
+        return [*rows[:at], *[list(rows[at]) for _ in range(700)], *rows[at:]]
+
+    assert case.script.mission.board == "pixhawk"
+    found = case.with_row(2, change)
+    assert "VRF405" in case.caught(found)
+    content = found[MISSION]
+    assert len(read_mission(content, board="h743").items) > 700
+    with pytest.raises(MissionFormatError, match="1 to 161 rows"):
+        read_mission(content, board="4k")
+
+
+def test_a_height_of_minus_zero_is_caught(case):
+    def change(rows):
+        at = next(n for n, row in enumerate(rows) if row[3] == "93")
+        rows[at][10] = "-0.000"
+        return rows
+
+    assert "VRF405" in case.caught(case.alike(1, change))
+
+
+@pytest.mark.parametrize("slot", [0, 1, -1])
+def test_a_slot_minutes_later_than_needed_is_caught(case, slot):
+    """All drones leave later, and all is as before but for a long wait."""
+
+    def change(rows):
+        slots = [n for n, row in enumerate(rows) if row[3:5] == ["93", "-1"]]
+        assert len(slots) > 1
+        for at in slots[slot:]:
+            minute, second = int(rows[at][6]) + 2, int(rows[at][7])
+            rows[at][6:8] = str(minute % 60), str(second)
+            if minute >= 60 and rows[at][5] != "-1":
+                rows[at][5] = str(int(rows[at][5]) + 1)
+        return rows
+
+    later = {}
+    for drone in range(1, case.script.drones + 1):
+        later |= case.with_row(drone, change)
+    assert "VRF408" in case.caught(later)
 
 
 @pytest.mark.parametrize(
@@ -736,6 +787,13 @@ def test_a_number_that_is_none_is_refused(number):
     with pytest.raises(ValueError, match="is no number"):
         read_json(b"[" + number + b"]", 100)
     assert read_json(b"[1e3, -2.5, 7]", 100) == [1000.0, -2.5, 7]
+
+
+@pytest.mark.parametrize("much", [b"[],", b"{},", b"1,", b'"":1,'])
+def test_json_that_would_fill_the_memory_is_not_read(much):
+    content = b"[" + 10_000_000 * much + b"0]"
+    with pytest.raises(ValueError, match="MB of memory"):
+        read_json(content, 100_000_000)
 
 
 @pytest.mark.parametrize("command", [16, 21, 22])

@@ -110,6 +110,16 @@ def test_a_drone_that_comes_much_sooner_waits_until_the_last_formation_is_comple
     assert "VRF408" in case.caught(early)
 
 
+def test_a_show_that_never_leaves_its_pads_by_more_than_height_has_missions(tmp_path):
+    text = SCRIPT.replace("  - {to: pair, hold: 1}\n", "").replace(
+        "  - {to: pair, colour: lime, hold: 4, assignment: fixed}\n", ""
+    )
+    flight = formula_flight(build_itinerary(read_show(text.encode()).show))
+    case = Case(tmp_path, flight)
+    assert case.missions.prediction["delay"] == pytest.approx(0.085)
+    assert case.failures() == set()
+
+
 def test_a_show_that_ends_in_another_colour_has_missions(tmp_path):
     text = SCRIPT.replace(
         "landing:",
@@ -186,7 +196,7 @@ def test_a_drone_that_lands_on_the_way_of_another_is_caught(stays):
         fields[at][7] = str(int(fields[at][7]) - 6)
         return fields
 
-    assert stays.caught(stays.alike(1, sooner)) == {"VRF417"}
+    assert stays.caught(stays.alike(1, sooner)) == {"VRF408", "VRF417"}
 
 
 HARDLY = """\

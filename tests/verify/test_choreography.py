@@ -7,6 +7,7 @@ import pytest
 from verified import with_table
 
 from showc.log import showc_pb2 as pb
+from showc.verify.kernel.bernstein import elevate
 from showc.verify.kernel.choreography import joined_up
 
 HOVER = "VRF331"
@@ -121,6 +122,27 @@ def test_free_yaw_may_move_between_hovers(show):
     state[1, 2, 8] += 1.0
     free = with_table(replace(show, rules=rules), 2, state=state)
     assert failures(free) == set()
+
+
+def crept(show, component, size):
+    """Let drone 1 leave the end of a hold in its middle, and come back."""
+    number = next(k for k, one in enumerate(show.segments) if one.holds)
+    table = show.segments[number].table
+    state = elevate(table.state, 3)
+    state[table.first[1], 1:-1, component] += size
+    return with_table(show, number, state=state)
+
+
+def test_a_drone_that_creeps_away_in_a_hold_and_back(show):
+    assert failures(crept(show, 0, 2e-3)) == {REACHED}
+    assert failures(crept(show, 2, 5e-4)) == set()
+
+
+def test_free_yaw_that_turns_in_a_hold_and_back(show):
+    rules = pb.Rules()
+    rules.CopyFrom(show.rules)
+    rules.yaw_held = False
+    assert failures(crept(replace(show, rules=rules), 8, 4e-3)) == {YAW}
 
 
 def test_a_first_segment_that_is_no_launch(show):

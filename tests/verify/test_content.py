@@ -10,7 +10,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rewritten import rewritten
-from verified import loaded, written
+from verified import loaded, proved_flight, written
 
 from showc.errors import DamagedFileError
 from showc.log import showc_pb2 as pb
@@ -315,6 +315,42 @@ def test_a_wrong_claim_of_the_closest_encounter_is_found(data, tmp_path):
 
     content = changed(data, pb.Segment, "/show/segments", 0, change)
     assert "VRF343" in failures(verified(content, tmp_path))
+
+
+def test_a_hold_without_its_closest_encounter_is_found(data, tmp_path):
+    names = []
+
+    def change(segment):
+        names.append(segment.kind)
+        segment.certificate.ClearField("closest")
+
+    content = changed(data, pb.Segment, "/show/segments", 1, change)
+    assert names == [pb.Segment.HOLD]
+    assert "VRF343" in failures(verified(content, tmp_path))
+
+
+def test_a_single_drone_meets_no_other(tmp_path):
+    data = written(proved_flight(1), tmp_path / "one.mcap").read_bytes()
+    assert "VRF343" not in failures(verified(data, tmp_path))
+
+    def change(segment):
+        segment.certificate.closest.distance = 0.05
+
+    content = changed(data, pb.Segment, "/show/segments", 0, change)
+    assert "VRF343" in failures(verified(content, tmp_path))
+
+
+@pytest.mark.parametrize("many", ["statistics", "moves"])
+def test_a_segment_that_says_far_too_much_is_refused(data, tmp_path, many):
+    def change(segment):
+        if many == "moves":
+            segment.moves.extend([pb.Move()] * 5_000_000)
+        else:
+            segment.certificate.statistics.update({str(n): 1.0 for n in range(2000)})
+
+    content = changed(data, pb.Segment, "/show/segments", 0, change)
+    with pytest.raises(DamagedLogError, match=r"larger than any|contradicts itself"):
+        verified(content, tmp_path)
 
 
 def test_json_and_text_tell_the_same(log_path):

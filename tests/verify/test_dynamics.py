@@ -294,6 +294,21 @@ def test_a_jump_between_intervals_is_part_of_the_deviation():
     assert radius(with_state(exact, state), VEHICLE)[0, 1] >= 2e-3
 
 
+def test_jumps_at_restarts_add_up_over_the_whole_segment():
+    """A drone that hovers in many places, each too near the last to be a jump."""
+    count, step = 700, 9e-7
+    edges = 0.25 * np.arange(count + 1)
+    state, control = np.zeros((count, 2, 12)), np.zeros((count, 2, 4))
+    state[:, :, 0] = step * np.arange(count)[:, None]
+    control[:, :, 0] = VEHICLE.mass * VEHICLE.gravity
+    first = np.array([0, count])
+    table = PieceTable(np.array([0]), first, edges[:-1], edges[1:], state, control)
+    message = pb.Segment(duration=float(edges[-1]))
+    found = radius(Segment(message, table, np.zeros((1, 3))), VEHICLE)
+    assert found[0, 0] == pytest.approx(step * (count - 1), rel=1e-6)
+    assert found[0, 0] > POSITION
+
+
 def test_a_flight_to_infinity_is_not_proved(log_and_show):
     _, show = log_and_show
     state = show.segments[0].table.state.copy()

@@ -93,12 +93,9 @@ class Relaxed:
         self.gravity = vehicle.gravity
         self.least = limits.thrust_min / vehicle.mass
         self.most = min(limits.thrust_max, 4.0 * squared) / vehicle.mass
-        self.slowest = xyz(limits.velocity_min)
-        self.fastest = xyz(limits.velocity_max)
-        self.tilt = limits.tilt
-        self.held = rules.yaw_held
-        self.heading = rules.heading
-        self.rate = xyz(limits.body_rate)
+        self.slowest, self.fastest = xyz(limits.velocity_min), xyz(limits.velocity_max)
+        self.tilt, self.rate = limits.tilt, xyz(limits.body_rate)
+        self.held, self.heading = rules.yaw_held, rules.heading
         inertia = xyz(vehicle.inertia)
         torque = np.minimum(xyz(limits.torque_max)[:2], squared * vehicle.arm_length)
         turn = vehicle.torque_factor * torque / inertia[:2]
@@ -315,8 +312,9 @@ def closest_claims(
     found = []
     for one, near in zip(show.segments, encounters, strict=True):
         said = one.message.certificate
-        if near is not None and (said.HasField("closest") or not one.holds):
-            found.append(_seen(one, said.closest.drone_a, _off(show, one, near)))
+        if near is not None or said.HasField("closest"):
+            off = np.inf if near is None else _off(show, one, near)
+            found.append(_seen(one, said.closest.drone_a, off))
     return worst("VRF343", DISTANCE_TOLERANCE, "m", found)
 
 

@@ -76,11 +76,11 @@ def _moves(leg: pb.Segment) -> bool:
 
 
 def _heading(show: LoggedShow) -> Iterator[Seen]:
-    """Yaw at hovers, and always if it is held, by the hull of its coefficients."""
+    """Yaw at hovers, through holds, and always if it is held, by its hull."""
     heading = show.rules.heading
     for one in show.segments:
         name, table = one.message.name, one.table
-        if show.rules.yaw_held:
+        if show.rules.yaw_held or one.holds:
             off = np.abs(table.state[:, :, 8] - heading).max(axis=1)
             yield Seen(name, one.start + table.start, table.owner, off)
             continue
@@ -95,9 +95,14 @@ def turn(angle: FloatArray) -> FloatArray:
 
 
 def _goals(show: LoggedShow) -> Iterator[Seen]:
+    """Distances from goals at the end of each segment, in a hold at every instant."""
     for one in show.segments:
-        off = np.linalg.norm(one.ends()[1][:, :3] - one.goals, axis=1)
-        yield Seen(one.message.name, one.end, np.arange(show.drones), off)
+        table, last = one.table, one.table.first[1:] - 1
+        rows = np.arange(table.start.size) if one.holds else last
+        places = table.state[rows, :, :3] if one.holds else table.state[rows, -1:, :3]
+        owner, time = table.owner[rows], one.start + table.end[rows]
+        off = np.linalg.norm(places - one.goals[owner][:, None], axis=2)
+        yield Seen(one.message.name, time, owner, off.max(axis=1))
 
 
 def _inside(show: LoggedShow) -> Iterator[Seen]:

@@ -20,7 +20,8 @@ polynomials by no more than :func:`radius` says, jumps of the polynomials includ
 first window of a segment begins with it, the next with the first mesh interval after
 each :data:`WINDOW`: what is flown without feedback for longer leaves any path. So do
 windows with each interval in which it hovers, and with the one after: there it waits.
-Of all windows in each :data:`WINDOW` radii add up, and the jumps between them.
+Of all windows in each :data:`WINDOW` radii add up; jumps between windows add up over
+the whole segment.
 
 Proof. Write ~ for what is logged, e for flown minus logged, T for the window's time.
 
@@ -190,12 +191,13 @@ def radius(segment: Segment, vehicle: Vehicle) -> FloatArray:
             windows = replace(part, drones=np.arange(each.size), first=first)
             radii = _radius(windows, vehicle)
             leap = np.abs(part.state[each, 0] - part.state[each - 1, -1])
-            radii += np.where(of_drone[each, None], 0.0, leap)
+            leap[of_drone[each]] = 0.0
             # Drones may hover as often as they like, and creep in between.
             long = np.flatnonzero(of_drone | late)
             radii = np.add.reduceat(radii, np.searchsorted(each, long), axis=0)
-            own = np.searchsorted(long, part.first[:-1])
+            own, all_ = (np.searchsorted(x, part.first[:-1]) for x in (long, each))
             found[part.drones] = np.maximum.reduceat(radii, own, axis=0)
+            found[part.drones] += np.add.reduceat(leap, all_, axis=0)
     return found
 
 

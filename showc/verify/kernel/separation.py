@@ -93,10 +93,7 @@ def encounter_parts(show: LoggedShow) -> list[Callable[[], Encounter | None]]:
 def closest_in(
     tracks: slices.Tracks, wanted: Separation, during: str = ""
 ) -> Encounter | None:
-    """Enclose the closest encounter of a fleet; None if it is one drone.
-
-    ``during`` names what is under way, for the record.
-    """
+    """Enclose the closest encounter of a fleet ``during`` a leg; None of one drone."""
     if tracks.drones < 2:
         return None
     looks = (_Search(one, wanted.distance) for one in slices.measures(wanted))
@@ -143,9 +140,7 @@ class _Search:
     """Branch and bound over the tracks of a fleet with one measure."""
 
     def __init__(self, measure: slices.Measure, wanted: float) -> None:
-        self.measure = measure
-        self.wanted = wanted
-        self.best = Encounter()
+        self.measure, self.wanted, self.best = measure, wanted, Encounter()
 
     def over(self, tracks: slices.Tracks, during: str) -> Encounter:
         """Search the tracks from their begin to their end."""

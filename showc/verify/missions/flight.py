@@ -49,7 +49,7 @@ def check_flight(
     ``logged``, with the slack that the script asks for after the latest end of a leg.
     """
     reached, ends = visits(fleet, show, logged)
-    approach = any(one.message.kind == pb.Segment.APPROACH for one in show.segments)
+    own = any(one.message.kind == pb.Segment.APPROACH for one in show.segments)
     wanted = show.rules.separation
     apart = {
         "VRF411": separation.nearest_timed(fleet, wanted),
@@ -59,7 +59,7 @@ def check_flight(
     }
     return [
         ends,
-        _check_slots(fleet, reached, logged, script.mission.slack, -1 - approach),
+        _check_slots(fleet, reached, logged, script.mission.slack, own=own),
         *boundaries(fleet, show.rules.site),
         *(_apart(code, found, wanted.distance) for code, found in apart.items()),
         _as_claimed(apart, fleet, show, described, logged),
@@ -129,27 +129,22 @@ def _visits(places: FloatArray, stops: FloatArray) -> tuple[list[int], float]:
     return found[1:], worst
 
 
-def _climbs(fleet: FleetLegs) -> FloatArray:
-    """Likely time of each drone's take-off and climb, shape (drones,) [s]."""
-    likely, first = fleet.profiles.followed(0.0), fleet.first[:-1]
-    return CONSTANTS["lift_off"] + likely[first] + likely[first + 1]
-
-
 def _check_slots(
-    fleet: FleetLegs, reached: IntArray, logged: list[Move], slack: float, last: int
+    fleet: FleetLegs, reached: IntArray, logged: list[Move], slack: float, *, own: bool
 ) -> Check:
     """Whether no drone leaves before a move has ended, and none waits for nothing.
 
     A move has ended when all its drones have flown it, at the latest, with the lag of
     the clock and ``pause`` [s], and have held what the log holds. The fleet as a whole
-    waits no longer than that, so no slot is an hour late.
+    waits no longer than that, so no slot is an hour late. With an approach, a drone
+    that flies one lands after its ``own``.
     """
     flights, timed = fleet.profiles, np.flatnonzero(fleet.timed)
     lag, pause = CONSTANTS["clock_lag"], max(slack, CONSTANTS["settling"])
     likely = fleet.release + flights.followed(0.0) + 0.5 * lag
     over = fleet.release + flights.followed(flights.late) + lag + pause
     climb = fleet.first[:-1] + 1
-    climbed = _climbs(fleet) + 2.0 * CONSTANTS["spread"] + pause
+    climbed = fleet.climbs + 2.0 * CONSTANTS["spread"] + pause
     likely[climb] = over[climb] = climbed
     leaves = fleet.leaves
     alone, lit = fleet.alone.T
@@ -157,16 +152,25 @@ def _check_slots(
     times = np.concatenate([fleet.release[timed], lit])
     spare, after = [times - over[legs - 1]], [legs]
     free, done = np.fmax(over, likely), climbed.copy()
-    # No slot follows the last move, and each drone lands after an approach of its own.
-    for number, move in enumerate(logged[:last]):
+    # How long the log holds a formation before a leg, or waits for a time to come.
+    least, at = 2.0 * CONSTANTS["tick"] + CONSTANTS["spin_up"], climb - 1
+    waits = np.full(leaves.size, least)
+    begin, arrival = np.array([(m.start, m.start + m.duration) for m in logged]).T
+    still = begin - np.maximum.accumulate(arrival)[np.searchsorted(begin, begin) - 1]
+    # No slot follows the last move.
+    for number, move in enumerate(logged[:-1]):
         ends, held = reached[move.drones, number], move.held if number else 0.0
+        stays, begins = ends == at[move.drones], at[move.drones] + 1
+        waits[begins] += max(float(still[number]), 0.0)
+        at[move.drones] = ends
         begun = max(float(done[move.drones].max()), float(likely[ends].max()))
         end = max(float(over[ends].max()), begun + held)
-        end = end if move is not logged[-2] else float(likely[ends].max()) - pause
+        last = move is logged[-2]
+        end = float(likely[ends].max()) - pause if last else end
         done[move.drones] = end
         free[ends] = np.maximum(free[ends], end)
-        spare.append(leaves[ends + 1] - end)
-        after.append(ends + 1)
+        after.append((ends[stays] if last and own else ends) + 1)
+        spare.append(leaves[after[-1]] - end)
     every, behind = np.concatenate(spare), np.concatenate(after)
     worst, where = float(every.min(initial=np.inf)), Place()
     if every.size:
@@ -176,21 +180,16 @@ def _check_slots(
     order = np.argsort(times, kind="stable")
     over = np.concatenate([free[timed], lit])[order]
     before = np.maximum.accumulate([float(climbed.max()), *over])[:-1]
-    idle = times[order] - before
+    idle = times[order] - before - waits[legs[order]]
     longest = float(idle.max(initial=0.0))
-    # Holds of formations, colours that change while no drone moves, and times to come.
-    ends = [0.0, *(one.start + one.duration for one in logged)]
-    waits = [one - before for before, one in pairwise(sorted(ends))]
-    patience = max(waits) + 2.0 * CONSTANTS["tick"] + CONSTANTS["spin_up"]
     note = f"{legs.size:,} slots, at least {pause:g} s after the latest end"
     value, late = worst if legs.size else 0.0, worst >= -CONSTANTS["same"]
     if not late:
-        line = fleet.lines[leg - 1]
-        note = f"released {-worst:.2f} s too early after line {line}"
-    elif not longest <= patience:
+        note = f"released {-worst:.2f} s too early after line {fleet.lines[leg - 1]}"
+    elif longest > 0.0:
         value, where = -longest, Place(time=float(times[order[int(np.argmax(idle))]]))
         note = f"no drone flies for {longest:.1f} s longer than slots need"
-    holds = late and longest <= patience
+    holds = late and longest <= 0.0
     return checked("VRF408", holds, value, 0.0, "s", where=where, notes=(note,))
 
 
@@ -280,7 +279,7 @@ def _as_claimed(
         }
         wrong = list(unlike(said, wanted, "prediction", rounding=0.0))
         # Until when a mission may start, and reach its first slot for sure.
-        starts = fleet.filled(fleet.release, np.inf)[:, 0] - _climbs(fleet)
+        starts = fleet.filled(fleet.release, np.inf)[:, 0] - fleet.climbs
         latest = float(starts.min()) - 2.0 * CONSTANTS["spread"]
         last = np.inf if (one := said["latest_mission_start"]) is None else one
         if not (type(last) in {int, float} and last <= latest):

@@ -39,12 +39,10 @@ if TYPE_CHECKING:
     from showc.verify.specification.demands import Demands
 
 PARAMETERS = str(KNOWN["file"])
+ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT
 
-ARDUPILOT, PX4 = 3, 12
-"""MAV_AUTOPILOT values."""
-
-CORNER = 0.008
-"""How far a corner may be off: half of 1e-7 degrees, north and east [m]."""
+NEIGHBOURS = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])[:, None]
+"""A corner of whole 1e-7 degrees, and those about it [1e-7 deg]."""
 
 
 class Missions:
@@ -84,7 +82,8 @@ class Missions:
     @property
     def tubes(self) -> Tubes | None:
         """Where the drones may be at any time; None if that cannot be said."""
-        return Tubes(self.fleet) if self.fleet is not None and self.known else None
+        known, speed = self.fleet if self.known else None, self.script.landing
+        return None if known is None else Tubes(known, speed.descent_speed)
 
     def parts(self) -> list[Callable[[], list[Check]]]:
         """Return the checks of the folder, in parts for side by side."""
@@ -151,8 +150,10 @@ class Missions:
             if hashlib.sha256(content).hexdigest() != listed.get(name):
                 self.bad.append(f"{name}: the hash is not the manifest's")
             if name.endswith(".waypoints"):
+                board = self.script.mission.board
                 try:
-                    self.missions[name] = language.read_mission(content, self.spoken)
+                    read = language.read_mission(content, self.spoken, board)
+                    self.missions[name] = read
                 except language.MissionFormatError as error:
                     self.unread.append(f"{name}: {error}")
 
@@ -341,11 +342,14 @@ def _is_fence(found: Any, site: Site) -> bool:  # noqa: ANN401 - any JSON
     try:
         kinds = {type(value) for corner in found for value in corner}
         corners = np.array(found, dtype=np.float64)
+        grid = np.rint(1e7 * corners)
         alike = kinds <= {int, float} and corners.shape == wanted.shape
         if not (alike and (np.abs(corners) <= (90.0, 180.0)).all()):
             return False
         # A tangent plane has no corner off by its curve within any fence of a show.
-        level = to_show_frame(site, corners[:, 0], corners[:, 1], site.altitude)
+        north, east = np.moveaxis(1e-7 * (grid + NEIGHBOURS), 2, 0)
+        level = to_show_frame(site, north, east, site.altitude)[..., :2]
     except (TypeError, ValueError, OverflowError):
         return False
-    return bool(np.linalg.norm(level[:, :2] - wanted, axis=1).max() <= CORNER)
+    off = np.linalg.norm(level - wanted, axis=2)
+    return bool((grid / 1e7 == corners).all() and (off[0] <= off + 1e-9).all())

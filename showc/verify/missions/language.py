@@ -29,7 +29,7 @@ _ROW = re.compile(
     + 4 * r"\t(?!-0\t)(-?(?:0|[1-9]\d{0,6})(?:\.\d{0,3}[1-9])?)"
     + 2 * r"\t(?!-0\.0*\t)(-?(?:0|[1-9]\d{0,2})\.\d{7})0"
     # Height; go on with the next row.
-    + r"\t(-?(?:0|[1-9]\d{0,6})\.\d{3})\t1"
+    + r"\t(?!-0\.0*\t)(-?(?:0|[1-9]\d{0,6})\.\d{3})\t1"
 )  # fmt: skip
 """A row without its number: each number in the one form in which showc writes it."""
 
@@ -68,10 +68,13 @@ class Mission:
     """What follows it."""
 
 
-def read_mission(content: bytes, autopilot: str = "ardupilot") -> Mission:
+def read_mission(
+    content: bytes, autopilot: str = "ardupilot", board: str = "h743"
+) -> Mission:
     """Return the mission that the bytes of a ``.waypoints`` file hold.
 
-    The grammar is that of ``autopilot``: ``ardupilot`` or ``px4``.
+    The grammar is that of ``autopilot``, ``ardupilot`` or ``px4``. It has no more items
+    than ArduPilot's ``board`` keeps.
 
     Raises
     ------
@@ -79,9 +82,9 @@ def read_mission(content: bytes, autopilot: str = "ardupilot") -> Mission:
         If a row is no word of the language, or the rows are no sentence of it; names
         the line.
     """
-    most = RULES["most_items"]
     if autopilot not in _GRAMMARS:
         raise MissionFormatError(f"is for an unknown autopilot {autopilot!r}")
+    most = RULES["boards"]["px4" if autopilot == "px4" else board]
     try:
         text = content.decode("ascii")
     except UnicodeDecodeError:
@@ -104,10 +107,7 @@ def read_mission(content: bytes, autopilot: str = "ardupilot") -> Mission:
     if not _GRAMMARS[autopilot].fullmatch(sentence):
         raise MissionFormatError(f"its rows are no mission, but {sentence:.80}")
     home = items[0] if autopilot == "ardupilot" else None
-    takeoff = items[1]
-    if home is not None and (
-        (takeoff.latitude, takeoff.longitude) != (home.latitude, home.longitude)
-    ):
+    if home is not None and items[1][4:6] != home[4:6]:
         raise MissionFormatError("line 3: takes off elsewhere than from its home")
     return Mission(home, tuple(items[home is not None :]))
 

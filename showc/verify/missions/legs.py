@@ -116,6 +116,12 @@ class FleetLegs:
         found[land] = early[land - 1] + self.pause - law.CONSTANTS["clock_lag"]
         return found
 
+    @property
+    def climbs(self) -> FloatArray:
+        """Likely time of each drone's take-off and climb, shape (drones,) [s]."""
+        likely, first = self.profiles.followed(0.0), self.first[:-1]
+        return law.CONSTANTS["lift_off"] + likely[first] + likely[first + 1]
+
     def filled(self, values: FloatArray, empty: float) -> FloatArray:
         """One row for each drone: ``values`` of its timed legs, then ``empty``."""
         counts = np.diff(self.first) - UNTIMED
@@ -207,9 +213,8 @@ def fleet_legs(
     centimetres = np.trunc(heights.astype(np.float32) * np.float32(100.0))
     heights = centimetres.astype(np.float64) / 100.0
     places = to_show_frame(site, latitude, longitude, heights + base)
-    shrink = np.cos(np.radians(site.latitude))
-    scale = law.CONSTANTS["metres_per_degree"]
-    level = scale * np.stack([latitude, longitude * shrink])
+    east = longitude * np.cos(np.radians(site.latitude))
+    level = law.CONSTANTS["metres_per_degree"] * np.stack([latitude, east])
     step = np.diff(np.stack([*level, heights], axis=1), axis=0)[ends - 1]
     flights = [rows[end] for end in ends.tolist()]
     level, climb, descent = np.array([row.speeds for row in flights]).T

@@ -297,13 +297,23 @@ class Tubes:
     farther beside it than drones were flown.
     """
 
-    def __init__(self, fleet: FleetLegs) -> None:
+    def __init__(self, fleet: FleetLegs, descent: float) -> None:
         self._fleet = fleet
         self._released = fleet.filled(fleet.release, np.inf)
         self._followed = fleet.profiles.followed(0.0)
         ends = fleet.release + self._followed
         self.last = float(np.max(ends, initial=0.0, where=np.isfinite(ends)))
         """When the last timed leg has been flown [s]."""
+        land, descent = fleet.first[1:] - 1, min(descent, CONSTANTS["slow"])
+        sunk = (fleet.begin - fleet.end)[land, 2].max() / descent
+        over = max(self.last, float(fleet.climbs.max())) + fleet.pause.max()
+        self._pads, self.latest = fleet.end[land], over + CONSTANTS["landing"] + sunk
+        """When all have landed, sinking at ``descent`` [m/s] or slowly [s]."""
+
+    def landed(self, place: FloatArray) -> bool:
+        """Whether all drones, at ``place`` (drones, 3) [m], are on their pads."""
+        off = np.abs(place - self._pads) if place.size else np.inf
+        return bool(np.max(off) <= CONSTANTS["beside"])
 
     def outside(self, times: FloatArray, place: FloatArray) -> FloatArray:
         """How far off each drone is drawn, over what is allowed, shape (m n,).

@@ -22,7 +22,7 @@ from google.protobuf.message import DecodeError
 
 from showc.documents.values import read_json
 from showc.log import showc_pb2 as pb
-from showc.log.schema import ABORT_NAME, WIND_NAME
+from showc.log.schema import ABORT_NAME, WIND_NAME, message_of
 from showc.script.fence import inside_polygon
 from showc.verify.decode import CAPS, read_aborts
 from showc.verify.kernel.bernstein import elevate, part
@@ -33,7 +33,7 @@ from showc.verify.kernel.separation import closest_of, encounter_parts, separate
 from showc.verify.kernel.show import LoggedShow, PieceTable, Seen, Statement, worst
 from showc.verify.report import Check, agreement, check_of
 from showc.verify.samples import flown
-from showc.verify.specification.cover import differences, message_of
+from showc.verify.specification.cover import differences
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from itertools import islice
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from google.protobuf.json_format import MessageToDict
@@ -14,7 +14,13 @@ from showc.documents.values import read_json, unlike
 from showc.files import read_file
 from showc.log import facts
 from showc.log import showc_pb2 as pb
-from showc.log.schema import ADDITIONS, LAYOUT_NAME, MANIFEST_NAME, PREDICTED
+from showc.log.schema import (
+    ADDITIONS,
+    LAYOUT_NAME,
+    MANIFEST_NAME,
+    PREDICTED,
+    message_of,
+)
 from showc.script import read_show
 from showc.verify.decode import CAPS, FORMAT_VERSION
 from showc.verify.report import NAMED, Check, agreement, checked
@@ -29,8 +35,6 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow
-
-    Built = TypeVar("Built", bound=Message)
 
 _NIL: dict[str, Any] = {"autopilot": None, "files": {}, "prediction": {}, "start": None}
 """What a manifest says where there are none; else they are checked by themselves."""
@@ -216,15 +220,3 @@ def differences(found: Message, wanted: Message) -> tuple[str, ...]:
     ways |= {"always_print_fields_with_no_presence": True}
     one, other = (MessageToDict(message, **ways) for message in (found, wanted))
     return tuple(islice(unlike(one, other, wanted.DESCRIPTOR.name), NAMED))
-
-
-def message_of(kind: type[Built], source: object, **given: Any) -> Built:  # noqa: ANN401
-    """Fill a message: its fields have the names of the attributes of the source."""
-    values: dict[str, Any] = {}
-    for entry in kind.DESCRIPTOR.fields:
-        name = entry.name
-        value = given[name] if name in given else getattr(source, name)
-        if entry.message_type is pb.Vector3.DESCRIPTOR:
-            value = dict(zip("xyz", map(float, value), strict=True))
-        values[name] = value
-    return kind(**values)
