@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +20,7 @@ from showc.errors import SolveError
 from showc.fleet.deconfliction.clock import ClosedFlights
 from showc.fleet.deconfliction.crowd import Crossing
 from showc.fleet.deconfliction.enclosure import Detour, detours, displacement
-from showc.fleet.deconfliction.flights import PRODUCTS, Move
+from showc.fleet.deconfliction.flights import PRODUCTS, Move, Ways
 from showc.fleet.deconfliction.layered import fly_layered
 from showc.fleet.deconfliction.repair import Repair
 from showc.fleet.deconfliction.untangling import quickest
@@ -36,8 +35,6 @@ from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.shortest import minimum_time
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from showc.fleet.execution.pool import Workers
     from showc.fleet.options import SolveOptions
     from showc.fleet.shared_profile.profile import Profile
@@ -46,7 +43,6 @@ if TYPE_CHECKING:
     from showc.plan.itinerary import Leg
     from showc.progress import Progress
     from showc.script.fence import Fence
-    from showc.trajectory import PiecewisePolynomial
     from showc.vehicle import Separation
 
 
@@ -90,7 +86,6 @@ _AT_ONCE, _LEAST_WORK = 0.6, 200.0
 """Share of the work left that any one time may take, and what it may at least."""
 _SLOWER = 4
 """Drones at most that prove slower than those that were thought the slowest."""
-_NONE: Mapping[int, PiecewisePolynomial] = MappingProxyType({})
 
 Found = Repair | ClosedFlights
 """Flights of all drones over one common time, and how they were found."""
@@ -137,7 +132,7 @@ class Search:
         self.shortest: dict[int, Trajectory] = {}
         self.work = 0.0
         # On which the crowd parts soonest, by row, and how much more time is tried.
-        self.ways = _NONE
+        self.ways: Ways | None = None
         self.step = 0.5 * _STEP
         self.detours = self._detours()
         # Drones that are in motion at an end fly no straight lines.
@@ -236,7 +231,7 @@ class Search:
         First that in which the crowd parts soonest, then a little more each time.
         Where others fly, or drones are in motion, ways are good for one time alone.
         """
-        if self.ways:
+        if self.ways is not None:
             self.step *= 2.0
             return (1.0 + gap) * (1.0 + self.step) - 1.0
         if repair.crowd is None or not repair.move.free:
@@ -245,7 +240,7 @@ class Search:
         if found is None:
             found = quickest(repair.crowd, self.workers)
             self.work += found.work / PRODUCTS
-        self.ways = repair.ways(found)
+        self.ways = repair.led(found)
         return max(found.duration / least - 1.0, gap + _SOON)
 
     def _most(self, gap: float) -> float:
@@ -281,7 +276,7 @@ class Search:
             near = max(_CLOSE * floor / self.options.effort, part * beyond)
             share = 0.5 if isinstance(best, Repair) else _BOLD
             middle = failed + share * (best.duration - failed)
-            if self.ways and isinstance(best, Repair):
+            if self.ways is not None and isinstance(best, Repair):
                 middle = max(middle, (1.0 - _STEP) * best.duration)
             middle = whole_milliseconds(middle)
             if best.duration - failed < near or middle <= first:
@@ -290,15 +285,15 @@ class Search:
                     break
             if middle >= best.duration:
                 break
-            bent = best.bent if self.ways or not many else _NONE
-            if isinstance(best, ClosedFlights) and self.ways:
-                bent = self.ways
+            known = best.ways if self.ways is not None or not many else None
+            if isinstance(best, ClosedFlights) and self.ways is not None:
+                known = self.ways
             self.progress.note(
                 f"{self.leg.name}: found {best.duration:.3f} s, "
                 f"{max(100.0 * (best.duration / limiting.time - 1.0), 0.0):.1f} % over "
                 f"the minimum; trying {middle:.3f} s"
             )
-            repair = self.at(middle, bent)
+            repair = self.at(middle, known)
             if repair.done:
                 best = repair
             else:
@@ -325,7 +320,7 @@ class Search:
     def at(
         self,
         time: float,
-        bent: Mapping[int, PiecewisePolynomial] = _NONE,
+        known: Ways | None = None,
         shared: Profile | None = None,
         most: float = np.inf,
     ) -> Repair:
@@ -333,8 +328,8 @@ class Search:
 
         Parameters
         ----------
-        bent
-            Ways over another time that kept apart, by row.
+        known
+            Ways over another time that kept apart.
         shared
             The profile that drones share; None: the quickest one.
         most
@@ -356,7 +351,7 @@ class Search:
             fence=self.fence,
             rounds=self.options.repair_rounds,
             work=max(_AT_ONCE * self.left, _LEAST_WORK),
-            bent=bent,
+            known=known,
             free=self.crossing() is not None,
             most=most,
         )

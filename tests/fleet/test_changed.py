@@ -47,7 +47,7 @@ def straight(aircraft):
 
 def test_a_changed_flight_is_the_sum_and_keeps_what_a_flight_must(aircraft, straight):
     change = bump(0.3)
-    (found,) = fly_changed(aircraft, [straight], change)
+    (found,) = fly_changed(aircraft, [straight.state], change)
     assert found is not None
     at = np.linspace(0.0, DURATION, 501)
     even = PiecewisePolynomial(np.linspace(0.0, DURATION, INTERVALS + 1), change[0])
@@ -56,14 +56,14 @@ def test_a_changed_flight_is_the_sum_and_keeps_what_a_flight_must(aircraft, stra
     )
     assert greatest_excess(aircraft, found).relative <= KEPT
     assert replay(aircraft.vehicle, (found,)).position.max() < 5e-4
-    again = fly_changed(aircraft, [found], -change)[0]
+    again = fly_changed(aircraft, [found.state], -change)[0]
     np.testing.assert_allclose(
         again.state(at)[:, :3], straight.state(at)[:, :3], atol=1e-10
     )
 
 
 def test_a_change_beyond_the_limits_is_not_flown(aircraft, straight):
-    assert fly_changed(aircraft, [straight], bump(30.0)) == [None]
+    assert fly_changed(aircraft, [straight.state], bump(30.0)) == [None]
 
 
 @pytest.mark.parametrize("last", [0.02, 0.004])
@@ -72,7 +72,7 @@ def test_a_changed_flight_hovers_at_its_ends(aircraft, straight, last):
     split = straight.state.split([last, DURATION - last])
     moved = split.coefficients + np.append(far, np.zeros(9))
     flight = replace(straight, state=PiecewisePolynomial(split.breaks, moved))
-    (found,) = fly_changed(aircraft, [flight], bump(0.3))
+    (found,) = fly_changed(aircraft, [flight.state], bump(0.3))
     assert found is not None
     ends = found.state.coefficients[[0, -1], [0, -1]]
     assert np.abs(ends[:, 3:]).max() < JOINT
@@ -87,6 +87,6 @@ def test_a_spline_that_leaps_off_is_changed_as_accurately(aircraft):
     flight = spline.flight.trajectory(0)
     leap = flight.state.select(slice(3, 6)).derivative()(0.0)
     assert abs(leap[2]) > 1e-2
-    (found,) = fly_changed(aircraft, [flight], bump(0.3))
+    (found,) = fly_changed(aircraft, [flight.state], bump(0.3))
     assert found is not None
     assert replay(aircraft.vehicle, (found,)).position.max() < 1e-6

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.flight import Trajectory
+    from showc.trajectory import PiecewisePolynomial
 
 
 _WIDEST = 0.08
@@ -38,7 +39,7 @@ _NODES: FloatArray = 0.5 * (1.0 - np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
 
 def fly_changed(
     aircraft: Aircraft,
-    flights: Sequence[Trajectory],
+    flights: Sequence[PiecewisePolynomial],
     change: FloatArray,
 ) -> list[Trajectory | None]:
     """Fly the sums of flights and changes.
@@ -46,7 +47,7 @@ def fly_changed(
     Parameters
     ----------
     flights
-        Positions are polynomials of degree 5 at most, with a continuous jerk.
+        Positions first, polynomials of degree 5 at most, with a continuous jerk.
     change
         Bernstein coefficients on even intervals, from rest at zero to rest at zero,
         shape (n, K, 6, 3) [m].
@@ -58,11 +59,11 @@ def fly_changed(
         smooth enough, or turns too quickly for its polynomials.
     """
     alike: dict[bytes, list[int]] = {}
-    for index, flight in enumerate(flights):
-        alike.setdefault(flight.state.breaks.tobytes(), []).append(index)
+    for index, before in enumerate(flights):
+        alike.setdefault(before.breaks.tobytes(), []).append(index)
     found: list[Trajectory | None] = [None] * len(flights)
     for members in alike.values():
-        state = [flights[index].state for index in members]
+        state = [flights[index] for index in members]
         breaks = state[0].breaks
         even = np.linspace(0.0, breaks[-1], change.shape[1] + 1)
         fine = _joint_breaks(breaks, even)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.fleet.deconfliction.conflicts import conflicts
+from showc.fleet.deconfliction.flights import Ways
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.shared_profile.flat import fly, joined, use_of_limits
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from showc.fleet.deconfliction.crowd import Crossing
     from showc.fleet.shared_profile.flat import FlatFlights
     from showc.flight import Trajectory
-    from showc.trajectory import PiecewisePolynomial
 
 
 _DEGREE = 6
@@ -88,10 +88,11 @@ class ClosedFlights:
         return f"all on one clock, {how}"
 
     @property
-    def bent(self) -> dict[int, PiecewisePolynomial]:
-        """Ways that leave their lines, by row."""
+    def ways(self) -> Ways:
+        """Ways that leave their lines."""
         flights = self.trajectories if self.widening or self.layers else ()
-        return {row: one.state.select(slice(0, 3)) for row, one in enumerate(flights)}
+        ways = [one.state.select(slice(0, 3)) for one in flights]
+        return Ways(dict(enumerate(ways)), ())
 
 
 def fly_apart(crossing: Crossing, patterns: Iterable[Pattern]) -> ClosedFlights | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,6 +46,17 @@ _FEWEST, _MOST = 10, 36
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Ways:
+    """Ways of drones in one common time, and what they would fly alone."""
+
+    bent: Mapping[int, PiecewisePolynomial]
+    """Positions, by row, of those that leave what they would fly alone."""
+    alone: Sequence[PiecewisePolynomial]
+    """Positions and velocities of all drones, each on its own; none where those of
+    another time do not tell."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Move:
     """What a fleet is to fly in one common time."""
 
@@ -73,8 +84,8 @@ class Move:
     """Rounds of half-spaces at most."""
     work: float
     """What may be done at most, as :attr:`Work.done` counts it."""
-    bent: Mapping[int, PiecewisePolynomial] = field(default_factory=dict)
-    """Ways, by row, that left their lines in another common time and kept apart."""
+    known: Ways | None = None
+    """Ways that kept apart in another common time."""
     others: Sequence[PiecewisePolynomial] = ()
     """Positions over the common time of drones that fly, and take no part."""
     free: bool = False

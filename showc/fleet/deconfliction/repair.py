@@ -16,7 +16,7 @@ from showc.fleet.deconfliction.bending import Bending
 from showc.fleet.deconfliction.changed import fly_changed
 from showc.fleet.deconfliction.crowd import Allowed, Crowd, Planes, sampled
 from showc.fleet.deconfliction.enclosure import Detour, fence_walls
-from showc.fleet.deconfliction.flights import Flights, Work
+from showc.fleet.deconfliction.flights import Flights, Ways, Work
 from showc.fleet.deconfliction.independent import Independent
 from showc.fleet.deconfliction.untangling import (
     OF_MANY,
@@ -119,8 +119,11 @@ class Repair:
         """What is first changed together."""
         self.soonest: Untangled | None = None
         """What parts it sooner than any other change, if that takes more time."""
-        self._first: FloatArray = np.zeros((0, 0, 0, 3))
-        """Positions of the flights in it, each at the nodes."""
+        self._first: list[PiecewisePolynomial] = []
+        """Positions and velocities of the flights in it."""
+        self._ways = {} if move.known is None else move.known.bent
+        self._slowed: dict[int, PiecewisePolynomial] = {}
+        """Slowed flights, by row, that stand for those flown until they are changed."""
         self._stiff = np.ones(len(move.start))
         """How readily each drone is moved aside: less where it did not follow."""
         self._often: dict[tuple[int, int], int] = {}
@@ -132,9 +135,9 @@ class Repair:
         return tuple(self.flights.flown)
 
     @property
-    def bent(self) -> dict[int, PiecewisePolynomial]:
-        """Ways that leave their lines, by row."""
-        return self.flights.bent
+    def ways(self) -> Ways:
+        """Ways that leave their lines."""
+        return Ways(self.flights.bent, self._first)
 
     @property
     def late(self) -> int | None:
@@ -173,7 +176,7 @@ class Repair:
         if not detours or self.move.shared is None:
             return True
         for row in detours:
-            known = self.move.bent.get(row)
+            known = self._ways.get(row)
             if known is None:
                 self._lead_round(row)
                 continue
@@ -258,9 +261,8 @@ class Repair:
             pairs = zip(met.first.tolist(), met.second.tolist(), strict=True)
             return self._bending.bend(list(pairs), self._often, astray)
         if round_ == 0:
+            self._first = self._begin()
             self.crowd = self._crowd(met)
-            paths = [one.state.select(slice(0, 3)) for one in self.flights.flown]
-            self._first = evaluated(paths, self.flights.nodes)
             known = self._known()
             free = self.move.free and known is None
             search = partial(untangle, free=free)
@@ -284,7 +286,8 @@ class Repair:
             return False
         least = _LEAST * self.separation.distance
         size = np.abs(found.coefficients).max(axis=(1, 2))
-        rows = np.nonzero(size > least)[0]
+        slowed = np.array([*self._slowed], dtype=np.int64)
+        rows = np.union1d(np.nonzero(size > least)[0], slowed)
         at = flights.nodes
         aside = found.aside(rows, at.ravel()).reshape(rows.size, *at.shape, 3)
         wanted = {}
@@ -295,6 +298,7 @@ class Repair:
         flights.hovers[rows] = False
         near = zip(found.near[0].tolist(), found.near[1].tolist(), strict=True)
         left = self._changed(rows, found)
+        self._slowed.clear()
         busy = dict.fromkeys(left, 0.0) | dict(astray)
         done = bool(busy) and self._bending.bend([], dict.fromkeys(near, 1), busy)
         done |= len(left) < rows.size
@@ -308,15 +312,42 @@ class Repair:
                     self._bending.missed.add(row)
         return done
 
-    def ways(self, found: Untangled) -> dict[int, PiecewisePolynomial]:
-        """Ways, by row, to which changes of the first crowd lead, in their time."""
+    def led(self, found: Untangled) -> Ways:
+        """Ways to which changes of the first crowd lead, in their time."""
         rows = np.arange(len(self._first))
-        at = self.flights.nodes * (found.duration / self.duration)
-        aside = found.aside(rows, at.ravel()).reshape(rows.size, *at.shape, 3)
-        return {
-            row: interpolated(self._first[row] + change, found.duration)
-            for row, change in enumerate(aside)
-        }
+        at = self.flights.nodes
+        later = at * (found.duration / self.duration)
+        aside = found.aside(rows, later.ravel()).reshape(rows.size, *at.shape, 3)
+        places = evaluated(self._first, at)[..., :3] + aside
+        ways = [interpolated(one, found.duration) for one in places]
+        return Ways(dict(enumerate(ways)), self._first)
+
+    def _begin(self) -> list[PiecewisePolynomial]:
+        """Positions and velocities of what is first changed.
+
+        Where ways are known that take less time, the flights from which they were
+        changed, as much slower: flights of this time differ from them by more
+        than smooth changes. Drones that go round corners follow their ways already.
+        """
+        known, flights, alone = self.move.known, self.flights, self._now()
+        if known is None or not known.alone or known.alone[0].end > self.duration:
+            return alone
+        at = flights.nodes
+        for row in range(len(alone)):
+            if row in self.move.detours:
+                continue
+            slowed = known.alone[row].slowed(self.duration)
+            way = slowed.select(slice(0, 3))
+            there = way(at.ravel()).reshape(*at.shape, 3)
+            missed = np.abs(there - flights.sampled(row)).max()
+            if missed > _LEAST * self.separation.distance:
+                self._slowed[row] = alone[row] = slowed
+                flights.aim(row, there, way)
+        return alone
+
+    def _now(self) -> list[PiecewisePolynomial]:
+        """Positions and velocities of all flights as they are."""
+        return [flight.state.select(slice(0, 6)) for flight in self.flights.flown]
 
     def _changed(self, rows: IntArray, found: Untangled) -> list[int]:
         """Fly changes as they are where that keeps all limits; return other rows."""
@@ -325,7 +356,8 @@ class Repair:
         left = set(rows.tolist())
         if flat:
             change = found.curves(np.array(flat))
-            present = [flights.flown[row] for row in flat]
+            now = self._now()
+            present = [self._slowed.get(row, now[row]) for row in flat]
             flown = fly_changed(self.move.aircraft, present, change)
             for row, flight in zip(flat, flown, strict=True):
                 if flight is not None:
@@ -340,9 +372,7 @@ class Repair:
         Drones that go round corners follow those ways already.
         """
         bent = {
-            row: way
-            for row, way in self.move.bent.items()
-            if row not in self.move.detours
+            row: way for row, way in self._ways.items() if row not in self.move.detours
         }
         if not bent:
             return None
@@ -350,8 +380,8 @@ class Repair:
         flown, others = self.flights.flown, self.flights.others
         known = np.zeros((len(flown) + len(others), times.size, 3))
         for row, way in bent.items():
-            alone = flown[row].state.select(slice(0, 3))
-            known[row] = way(times * (way.end / self.duration)) - alone(times)
+            alone = self._first[row](times)[:, :3]
+            known[row] = way(times * (way.end / self.duration)) - alone
         return known
 
     def _instants(self) -> FloatArray:
@@ -363,7 +393,7 @@ class Repair:
         """Flights of all drones as they are, for all to be changed together."""
         flights, move = self.flights, self.move
         others, times = flights.others, self._instants()
-        state = [flight.state for flight in flights.flown]
+        state = [self._slowed.get(row, one) for row, one in enumerate(self._now())]
         paths = [*(one.select(slice(0, 3)) for one in state), *others]
         speeds = [one.select(slice(3, 6)) for one in state]
         speeds += [one.derivative() for one in others]
