@@ -137,7 +137,8 @@ class Repair:
     @property
     def ways(self) -> Ways:
         """Ways that leave their lines."""
-        return Ways(self.flights.bent, self._first)
+        known = self.move.known if self._slower else None
+        return Ways(self.flights.bent, self._first if known is None else known.alone)
 
     @property
     def late(self) -> int | None:
@@ -330,7 +331,7 @@ class Repair:
         than smooth changes. Drones that go round corners follow their ways already.
         """
         known, flights, alone = self.move.known, self.flights, self._now()
-        if known is None or not known.alone or known.alone[0].end > self.duration:
+        if known is None or not self._slower:
             return alone
         at = flights.nodes
         for row in range(len(alone)):
@@ -344,6 +345,12 @@ class Repair:
                 self._slowed[row] = alone[row] = slowed
                 flights.aim(row, there, way)
         return alone
+
+    @property
+    def _slower(self) -> bool:
+        """Whether ways of less time are known, and from which flights they come."""
+        alone = () if self.move.known is None else self.move.known.alone
+        return bool(alone) and alone[0].end <= self.duration
 
     def _now(self) -> list[PiecewisePolynomial]:
         """Positions and velocities of all flights as they are."""
