@@ -84,7 +84,9 @@ def read_json(content: bytes, most: int) -> Any:  # noqa: ANN401 - JSON
     """
     if len(content) > most:
         raise ValueError(f"it has {len(content):,} bytes")
-    if (needed := _memory(content)) > MOST_MEMORY:
+    # As text, and as the texts in it: one wide letter makes all of them wide.
+    needed = _memory(content) + len(content) * (2 if content.isascii() else 8)
+    if needed > MOST_MEMORY:
         raise ValueError(f"it would take {needed >> 20:,} MB of memory")
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -41,8 +41,7 @@ _TYPES: dict[str, type[Message]] = {
 }
 """Type of the messages on each topic."""
 
-FORMAT_VERSION = 1
-"""Version of the log's content that this verifier knows."""
+FORMAT_VERSION = 1  # of the log's content that is known here
 
 CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")
 """Sizes from which something is refused."""

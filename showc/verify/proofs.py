@@ -64,11 +64,9 @@ def verify_log(
 
     Raises
     ------
-    UsageError
-        If the log cannot be read.
-    DamagedFileError
-        If it is cut, altered, or not a log of showc's; as
-        :class:`showc.log.records.DamagedLogError`, with the byte offset.
+    UsageError, DamagedFileError
+        If the log cannot be read; if it is cut, altered, or not a log of showc's, as
+        :class:`showc.log.records.DamagedLogError` with the byte offset.
     """
     watch = progress or Silent()
     watch.stage("reading every byte")

@@ -18,15 +18,13 @@ Verdict = Literal["pass", "fail", "unproved", "accepted", "warning", "skipped"]
 """``unproved``: looked at, and only estimated or not known; ``accepted``: the same, and
 the script accepts it; ``skipped``: there is nothing to prove."""
 
-FORMAT_VERSION = 2
-"""Version of the JSON result."""
+FORMAT_VERSION = 2  # of the JSON result
 
 Standing = Literal["proved", "not proved", "accepted", "none"]
 """Of the trajectories, or of the missions, as a whole; ``accepted``: not proved, and
 the script says that this will do; ``none``: there are no missions."""
 
-NAMED = 5
-"""Findings of a kind that are named."""
+NAMED = 5  # findings of a kind, of all that there are
 
 _NEAREST = {"VRF321", "VRF411", "VRF412", "VRF413", "VRF504"}
 """Checks whose value is a distance that drones keep: their figure stands for all."""

@@ -68,11 +68,8 @@ _ENCODERS = {"VRF122": srgb_bytes, "VRF123": drive_bytes}
 _STEPS = np.array(list(sample.GRID.values()))
 """Of position, velocity, attitude, rates, thrust and torques."""
 
-_LARGEST = 256
-"""Bytes of each drone in a message from which it is not read: frames have 100."""
-
-_AT_ONCE = 16384
-"""Places on polynomials that are evaluated together; bounds the memory."""
+_LARGEST = 256  # bytes of each drone in a message that is read: frames have 100
+_AT_ONCE = 16384  # places on polynomials evaluated together; bounds the memory
 
 
 def flown(show: LoggedShow, times: FloatArray) -> FloatArray:

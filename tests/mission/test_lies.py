@@ -789,6 +789,13 @@ def test_a_number_that_is_none_is_refused(number):
     assert read_json(b"[1e3, -2.5, 7]", 100) == [1000.0, -2.5, 7]
 
 
+def test_json_of_wide_letters_takes_four_times_the_memory():
+    assert read_json(b'"' + 40_000_000 * b"a" + b'"', 100_000_000)
+    wide = "\N{GRINNING FACE}".encode()
+    with pytest.raises(ValueError, match="MB of memory"):
+        read_json(b'"' + wide + 40_000_000 * b"a" + b'"', 100_000_000)
+
+
 @pytest.mark.parametrize("much", [b"[],", b"{},", b"1,", b'"":1,'])
 def test_json_that_would_fill_the_memory_is_not_read(much):
     content = b"[" + 10_000_000 * much + b"0]"

@@ -199,6 +199,60 @@ def test_a_drone_that_lands_on_the_way_of_another_is_caught(stays):
     assert stays.caught(stays.alike(1, sooner)) == {"VRF408", "VRF417"}
 
 
+HELD = """\
+showc: 1
+drones: 3
+pads: {type: line, length: 12}
+launch: {altitude: 8, hold: 40}
+formations:
+  near: {type: line, length: 12, centre: [0, 4, 8]}
+  far: {type: line, length: 12, centre: [0, 9, 8]}
+transitions:
+  - {to: near, hold: 50, assignment: fixed}
+  - {to: far, hold: 1, assignment: fixed}
+landing: {altitude: 8, assignment: fixed}
+"""
+
+
+@pytest.fixture(scope="module")
+def held(tmp_path_factory):
+    flight = formula_flight(build_itinerary(read_show(HELD.encode()).show))
+    case = Case(tmp_path_factory.mktemp("held"), flight)
+    assert case.failures() == set()
+    return case
+
+
+def shifted(case, seconds):
+    """All missions, each drone's slots from one of them on at other seconds.
+
+    ``seconds`` are pairs by drone: the first slot that is shifted, and by how much.
+    """
+
+    def change(fields, first, by):
+        slots = [n for n, row in enumerate(fields) if row[3:5] == ["93", "-1"]]
+        for at in slots[first:]:
+            time = 60 * int(fields[at][6]) + int(fields[at][7]) + by
+            fields[at][6:8] = [str(time // 60), str(time % 60)]
+        return fields
+
+    found = {}
+    for drone, (first, by) in enumerate(seconds, 1):
+        found |= case.with_row(
+            drone, lambda rows, first=first, by=by: change(rows, first, by)
+        )
+    return found
+
+
+def test_a_hold_is_waited_for_once_and_not_by_each_drone_anew(held):
+    """One drone leaves on time, the next 50 s later, the last 100 s later."""
+    late = [(1, 0), (1, 50), (1, 100)]
+    assert "VRF408" in held.caught(shifted(held, late))
+
+
+def test_the_hold_after_the_launch_is_kept_by_missions(held):
+    assert "VRF408" in held.caught(shifted(held, [(0, -30)] * 3))
+
+
 HARDLY = """\
 showc: 1
 drones: 8

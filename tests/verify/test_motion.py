@@ -10,6 +10,7 @@ from showc.pipeline.compile import CompileOptions, RejectedScriptError, compile_
 from showc.script import load_show
 from showc.script.show import Rotate
 from showc.verify import verify_log
+from showc.verify.kernel.show import PieceTable
 from showc.verify.specification.demands import hold_against
 
 SCRIPT = """\
@@ -128,6 +129,33 @@ def test_a_drone_that_should_stand_still_may_not_move(compiled):
     show = load_show(compiled / "moving.yaml").show
     wrong = strays(hold_against(show, replace(logged, segments=tuple(segments))))
     assert len(wrong) == 1 and "drone 4" in wrong[0]
+
+
+def test_a_drone_that_creeps_between_the_instants_that_are_looked_at(compiled):
+    """Two straight lines, there and back: the second difference of each is nought."""
+    _, logged = loaded(compiled / "output.mcap")
+    segments = list(logged.segments)
+    segment = segments[MOVING[2]]
+    table, quarter = segment.table, 0.3 * segment.duration
+    others, own = (table.chosen(rows) for rows in (table.owner != 3, table.owner == 3))
+    state = np.repeat(own.state[:1], 2, axis=0)
+    way = np.linspace(0.0, 5e-3, state.shape[1])
+    state[0, :, 0] += way
+    state[1, :, 0] += way[::-1]
+    edges = np.array([0.0, quarter, segment.duration])
+    bent = replace(
+        own,
+        first=np.array([0, 2]),
+        start=edges[:-1],
+        end=edges[1:],
+        state=state,
+        control=np.repeat(own.control[:1], 2, axis=0),
+    )
+    table = PieceTable.joined([others, bent])
+    segments[MOVING[2]] = replace(segment, table=table)
+    show = load_show(compiled / "moving.yaml").show
+    wrong = strays(hold_against(show, replace(logged, segments=tuple(segments))))
+    assert len(wrong) == 1 and "drone 4 may be 0.005" in wrong[0]
 
 
 @pytest.mark.parametrize(

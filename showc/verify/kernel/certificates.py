@@ -74,8 +74,7 @@ if TYPE_CHECKING:
 CELLS = 512
 """Cells on each stretch between two knots: eight times as many prove 1 % more."""
 
-UNIT = 2.0**-53
-"""Unit roundoff u of float64."""
+UNIT = 2.0**-53  # unit roundoff u of float64
 
 TOLERANCE = 1e-6
 """How far a claimed bound may lie above the time of its witness [s]."""

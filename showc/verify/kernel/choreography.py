@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.log import showc_pb2 as pb
+from showc.verify.kernel.dynamics import STILL
 from showc.verify.kernel.show import LoggedShow, Seen, Statement, worst
 
 if TYPE_CHECKING:
@@ -22,15 +23,13 @@ if TYPE_CHECKING:
 
     from showc.arrays import FloatArray
 
-REACHED = 1e-3
-"""Distance from its place at which a drone has reached it [m]."""
+REACHED = 1e-3  # distance from its place at which a drone has reached it [m]
 
 JOINT = 1e-6
 """Jump of any state at a joint, and speed, rate or tilt left at a hover (SI): what a
 solver calls equal."""
 
-MOMENT = 1e-6
-"""Gap in time between two segments [s]: rounding of times."""
+MOMENT = 1e-6  # gap in time between two segments [s]: rounding of times
 
 AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
 """States that are zero at a hover: all but position and yaw."""
@@ -76,14 +75,16 @@ def _moves(leg: pb.Segment) -> bool:
 
 
 def _heading(show: LoggedShow) -> Iterator[Seen]:
-    """Yaw at hovers, through holds, and always if it is held, by its hull."""
+    """Yaw where a drone hovers, and always if it is held, by the hull of it."""
     heading = show.rules.heading
     for one in show.segments:
         name, table = one.message.name, one.table
-        if show.rules.yaw_held or one.holds:
-            off = np.abs(table.state[:, :, 8] - heading).max(axis=1)
-            yield Seen(name, one.start + table.start, table.owner, off)
-            continue
+        yaw, held = table.state[:, :, 8] - heading, show.rules.yaw_held
+        # Free yaw may have turned by whole circles.
+        yaw -= 2.0 * np.pi * np.round(yaw[:, :1] / (2.0 * np.pi)) * (not held)
+        still = np.ptp(table.state[:, :, :3], axis=1).max(axis=1) <= STILL
+        off = np.abs(yaw).max(axis=1) * (held | one.holds | still)
+        yield Seen(name, one.start + table.start, table.owner, off)
         for time, state in zip((one.start, one.end), one.ends(), strict=True):
             off = turn(state[:, 8] - heading)
             yield Seen(name, time, np.arange(show.drones), off)

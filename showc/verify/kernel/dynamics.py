@@ -90,8 +90,7 @@ WINDOW = 20.0
 """Longest time that is flown from one logged state [s]; most transitions are shorter.
 Bounds grow with its square: a drone tilted by 1e-7 rad for ten minutes is 0.2 m off."""
 
-STILL = 1e-9
-"""Extent of a mesh interval's positions that is rounding: it hovers [m]."""
+STILL = 1e-9  # extent of a mesh interval's positions that is rounding: it hovers [m]
 
 _FINE = 1e-8
 """Interpolation error [m/s²] above which an interval is halved: over 10 s it moves a

@@ -34,8 +34,7 @@ from showc.verify.kernel.slices import innermost
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
 
-RESOLUTION = 1e-6
-"""Width of the enclosure of the least distance [m]."""
+RESOLUTION = 1e-6  # width of the enclosure of the least distance [m]
 
 
 def enclosed(path: FloatArray, fence: FloatArray) -> tuple[float, int]:

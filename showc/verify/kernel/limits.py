@@ -55,18 +55,9 @@ TOLERANCE = 1e-6
 """How far polynomials may exceed a limit, as a fraction of its range: what a solver
 calls equal. What is flown may exceed it by the tolerance of its tie besides."""
 
-FAMILIES = {
-    "volume": "VRF311",
-    "velocity": "VRF312",
-    "tilt": "VRF313",
-    "body rates": "VRF314",
-    "thrust": "VRF315",
-    "torques": "VRF316",
-    "rotor speeds": "VRF317",
-    "accelerations": "VRF318",
-    "fence": "VRF319",
-    "jerk": "VRF320",
-}
+_NAMES = "volume", "velocity", "tilt", "body rates", "thrust", "torques"
+_MORE = "rotor speeds", "accelerations", "fence", "jerk"
+FAMILIES = {name: f"VRF{311 + n}" for n, name in enumerate([*_NAMES, *_MORE])}
 """Code of each family of limits."""
 
 _STATES = ("x", "y", "z", "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r")
@@ -103,11 +94,9 @@ class Bound:
     @property
     def states(self) -> list[int]:
         """States whose flown values may differ from the logged ones."""
-        if self.family == "fence":
-            return [0, 1]
-        if self.quantity == "level speed":
-            return [3, 4]
-        return [_STATES.index(self.quantity)] if self.quantity in _STATES else []
+        known = {"distance to the fence": [0, 1], "level speed": [3, 4]}
+        own = [number for number, one in enumerate(_STATES) if one == self.quantity]
+        return known.get(self.quantity, own)
 
 
 @dataclass(frozen=True, slots=True)

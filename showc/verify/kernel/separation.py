@@ -39,8 +39,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
     from showc.log.showc_pb2 import Separation
 
-RESOLUTION = 5e-7
-"""Width of the enclosure of the closest encounter [m]."""
+RESOLUTION = 5e-7  # width of the enclosure of the closest encounter [m]
 
 TOLERANCE = 1e-6
 """How far the separation may be missed by the polynomials: what a solver calls equal

@@ -151,24 +151,20 @@ def _check_slots(
     legs = np.concatenate([timed, alone.astype(np.int64)])
     times = np.concatenate([fleet.release[timed], lit])
     spare, after = [times - over[legs - 1]], [legs]
-    free, done = np.fmax(over, likely), climbed.copy()
-    # How long the log holds a formation before a leg, or waits for a time to come.
-    least, at = 2.0 * CONSTANTS["tick"] + CONSTANTS["spin_up"], climb - 1
-    waits = np.full(leaves.size, least)
-    begin, arrival = np.array([(m.start, m.start + m.duration) for m in logged]).T
-    still = begin - np.maximum.accumulate(arrival)[np.searchsorted(begin, begin) - 1]
+    done, rests = climbed.copy(), list[tuple[float, float]]()
+    at = climb - 1
     # No slot follows the last move.
     for number, move in enumerate(logged[:-1]):
-        ends, held = reached[move.drones, number], move.held if number else 0.0
-        stays, begins = ends == at[move.drones], at[move.drones] + 1
-        waits[begins] += max(float(still[number]), 0.0)
-        at[move.drones] = ends
+        ends, held = reached[move.drones, number], move.held
+        shift = np.abs(fleet.end[ends] - fleet.end[at[move.drones]])
+        stays, at[move.drones] = shift.max(axis=1) < 2.0 * CONSTANTS["rounding"], ends
         begun = max(float(done[move.drones].max()), float(likely[ends].max()))
+        begun = begun if number else float(fleet.climbs.max()) - CONSTANTS["tick"]
         end = max(float(over[ends].max()), begun + held)
         last = move is logged[-2]
         end = float(likely[ends].max()) - pause if last else end
         done[move.drones] = end
-        free[ends] = np.maximum(free[ends], end)
+        rests.append((begun, end))
         after.append((ends[stays] if last and own else ends) + 1)
         spare.append(leaves[after[-1]] - end)
     every, behind = np.concatenate(spare), np.concatenate(after)
@@ -177,20 +173,49 @@ def _check_slots(
         leg = behind[int(np.argmin(every))]
         where = Place(int(fleet.owner[leg]) + 1, time=float(leaves[leg]))
     # How long no drone needs before a slot: all had climbed, or were free before it.
-    order = np.argsort(times, kind="stable")
-    over = np.concatenate([free[timed], lit])[order]
+    rest, ended = np.array(rests).T
+    slots, free = np.concatenate([times, rest]), np.fmax(over, likely)[timed]
+    order = np.argsort(slots, kind="stable")
+    over = np.concatenate([free, lit, ended])[order]
     before = np.maximum.accumulate([float(climbed.max()), *over])[:-1]
-    idle = times[order] - before - waits[legs[order]]
-    longest = float(idle.max(initial=0.0))
+    idle = np.empty(slots.size)
+    idle[order] = np.maximum(slots[order] - before - 2.0 * CONSTANTS["tick"], 0.0)
+    waited, of = _waited(fleet, reached, logged, legs, idle := idle[: legs.size])
+    longest = float(waited.max())
     note = f"{legs.size:,} slots, at least {pause:g} s after the latest end"
     value, late = worst if legs.size else 0.0, worst >= -CONSTANTS["same"]
     if not late:
         note = f"released {-worst:.2f} s too early after line {fleet.lines[leg - 1]}"
     elif longest > 0.0:
-        value, where = -longest, Place(time=float(times[order[int(np.argmax(idle))]]))
+        row = int(np.argmax(idle * (of == np.argmax(waited))))
+        value, where = -longest, Place(time=float(times[row]))
         note = f"no drone flies for {longest:.1f} s longer than slots need"
     holds = late and longest <= 0.0
     return checked("VRF408", holds, value, 0.0, "s", where=where, notes=(note,))
+
+
+def _waited(
+    fleet: FleetLegs,
+    reached: IntArray,
+    logged: list[Move],
+    legs: IntArray,
+    idle: FloatArray,
+) -> tuple[FloatArray, IntArray]:
+    """By how much missions wait longer than the log before each move, (moves,) [s].
+
+    They are ``idle`` (m,) [s] before the slots of ``legs`` (m,): of one move that is
+    one wait, whichever drones they are. Also returned is the move of each leg, (m,).
+    """
+    # Holds are no waits: what follows is for a time to come.
+    begin = np.array([one.start for one in logged])
+    over = np.maximum.accumulate(begin + [m.duration + m.held for m in logged])
+    still = np.maximum(begin - over[np.searchsorted(begin, begin) - 1], 0.0)
+    ends, rows = np.maximum.accumulate(reached, axis=1), pairwise(fleet.first.tolist())
+    some = [
+        np.searchsorted(one, np.arange(*r)) for one, r in zip(ends, rows, strict=True)
+    ]
+    of = np.minimum(np.concatenate(some), still.size - 1)[legs]
+    return np.bincount(of, idle, still.size) - still - CONSTANTS["spin_up"], of
 
 
 def boundaries(fleet: FleetLegs, site: pb.Site) -> Iterator[Check]:
@@ -235,8 +260,10 @@ def _apart(code: str, found: Encounter, wanted: float) -> Check:
         return checked(code, "pass", notes=("no two drones meet",))
     limit = wanted - CONSTANTS["rounding"] - 3.0 * separation.RESOLUTION
     bound = found.upper - separation.RESOLUTION
-    less = f"{wanted:g} m less {wanted - limit:g} m"
-    note = f"{less} of the format's rounding and of the proofs' resolution"
+    note = (
+        f"{wanted:g} m less {wanted - limit:g} m of the format's rounding and of the "
+    )
+    note += "proofs' resolution"
     where = Place(pair=(found.pair[0] + 1, found.pair[1] + 1), time=found.time or None)
     return checked(code, bound >= limit, bound, limit, "m", where=where, notes=(note,))
 

@@ -114,14 +114,13 @@ class Missions:
         return [*checks, agreement("VRF403", odd), *self._lines(), self._autopilot()]
 
     def _same_manifest(self) -> Check:
-        wrong = []
         try:
             found = read_file(self.folder / MANIFEST, CAPS["document"])
-            if found != self.log.attachment(MANIFEST):
-                wrong.append(f"{MANIFEST} differs: files of two compiles are mixed")
+            wrong = f"{MANIFEST} differs: files of two compiles are mixed"
         except UnreadableFileError as error:
-            wrong.append(f"{MANIFEST}: cannot be read: {error.reason}")
-        return agreement("VRF402", wrong)
+            found, wrong = None, f"{MANIFEST}: cannot be read: {error.reason}"
+        same = found is not None and found == self.log.attachment(MANIFEST)
+        return agreement("VRF402", [] if same else [wrong])
 
     def _read(self) -> None:
         """Read all files; list no folders but those in which some must be."""

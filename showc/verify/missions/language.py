@@ -155,7 +155,5 @@ def _word(
         ):
             return str(word)
     numbers = ", ".join(f"{value:g}" for value in parameters)
-    raise MissionFormatError(
-        f"{name} in frame {frame} with parameters {numbers} is nothing that showc "
-        "writes"
-    )
+    text = f"{name} in frame {frame} with parameters {numbers}"
+    raise MissionFormatError(f"{text} is nothing that showc writes")

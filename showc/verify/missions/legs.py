@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 DAY, HOUR = 86400.0, 3600.0
 """After these the clock shows the same, with and without the hour named [s]."""
 
-UNTIMED = 3
-"""Legs of a mission that wait for no clock: take-off, climb, landing."""
+UNTIMED = 3  # legs that wait for no clock: take-off, climb, landing
 
 _RADIUS, _SQUARED = 6378137.0, 0.0066943799901413165
 """Of WGS 84: its semi-major axis [m]; the square of its eccentricity."""

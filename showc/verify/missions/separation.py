@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray, IntArray
     from showc.log.showc_pb2 import Separation
 
-RESOLUTION = 2e-3
-"""How far the proved distance may lie below the true one [m]."""
+RESOLUTION = 2e-3  # how far the proved distance may lie below the true one [m]
 
 _TOGETHER = 20_000  # pairs that are looked at together: few enough for the memory
 _FURTHEST = 4.0

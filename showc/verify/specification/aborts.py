@@ -43,8 +43,7 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.verify.kernel.show import Segment
 
-GROUNDED = 0.05
-"""Height over the pads up to which a drone stands on the ground [m]."""
+GROUNDED = 0.05  # height over the pads of a drone that stands on the ground [m]
 SLACK = 0.01
 """What accelerations may be beyond those that are allowed [m/s²]: of flown ones that is
 known (:mod:`showc.verify.kernel.limits`). Speeds under 1 mm/s are left out."""

@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow, Segment
 
-PLACE_ERROR = 1e-9
-"""How far a goal may be off its place: rounding, not flight [m]."""
+PLACE_ERROR = 1e-9  # how far a goal may be off its place: rounding, not flight [m]
 
 
 @dataclass(slots=True, eq=False)

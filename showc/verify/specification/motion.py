@@ -9,10 +9,10 @@ What a script means by a motion is said by :mod:`showc.script.moving`, as the pl
 formations are by its generators: where each drone is at any time, with derivatives.
 
 **Bound.** Let e be what is logged less what is asked, |e''| <= A. Between two instants
-at a distance of h, |e| is at most the greater of its values there, plus A h^2 / 8 (the
-error of linear interpolation, in the direction of e). A is the greatest second
-difference of the logged polynomials plus :meth:`MovingPlaces.greatest_acceleration`. So
-a few instants prove all of them.
+at a distance of h, ends of polynomials among them, |e| is at most the greater of its
+values there, plus A h^2 / 8 (the error of linear interpolation, in the direction of e).
+A is the greatest second difference of the logged polynomials plus
+:meth:`MovingPlaces.greatest_acceleration`. So a few instants prove all of them.
 """
 
 from __future__ import annotations
@@ -51,8 +51,7 @@ be from those asked for: of these a hover is left with 0.001 deg and 0.06 deg/s.
 
 _REST = 8e-4
 """Share of it that is left to what happens between two instants [m]."""
-_MOST = 200_000
-"""Instants of one motion at which a look gives up."""
+_MOST = 200_000  # instants of one motion at which a look gives up
 _ROWS, _AT_ONCE = 1_000, 2_000
 """Polynomials, and instants of them, that are looked at together; bounds the memory."""
 
@@ -124,7 +123,10 @@ def _strayed(
         return np.where(bends == bends.max(), np.inf, 0.0), missed
     alone = replace(some, state=position, control=some.control[:, :, :0])
     far = np.zeros(bends.size)
-    for at in np.array_split(np.linspace(0.0, duration, count), ceil(count / _AT_ONCE)):
+    # Where two polynomials meet, velocities may differ.
+    breaks = np.clip([*some.start, *some.end], 0.0, duration)
+    times = np.union1d(np.linspace(0.0, duration, count), breaks)
+    for at in np.array_split(times, ceil(times.size / _AT_ONCE)):
         off = evaluate(alone, at) - mine.positions(duration, at)
         far = np.maximum(far, np.linalg.norm(off, axis=2).max(axis=0))
     return far + bends * (duration / (count - 1)) ** 2 / 8.0, missed
