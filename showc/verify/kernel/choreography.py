@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.log import showc_pb2 as pb
-from showc.verify.kernel.dynamics import STILL
 from showc.verify.kernel.show import LoggedShow, Seen, Statement, worst
 
 if TYPE_CHECKING:
@@ -75,15 +74,17 @@ def _moves(leg: pb.Segment) -> bool:
 
 
 def _heading(show: LoggedShow) -> Iterator[Seen]:
-    """Yaw where a drone hovers, and always if it is held, by the hull of it."""
-    heading = show.rules.heading
+    """Yaw at hovers, of drones that stay in place, and always if it is held."""
+    heading, held = show.rules.heading, show.rules.yaw_held
     for one in show.segments:
-        name, table = one.message.name, one.table
-        yaw, held = table.state[:, :, 8] - heading, show.rules.yaw_held
+        name, table, first = one.message.name, one.table, one.table.first[:-1]
+        yaw = table.state[:, :, 8] - heading
         # Free yaw may have turned by whole circles.
         yaw -= 2.0 * np.pi * np.round(yaw[:, :1] / (2.0 * np.pi)) * (not held)
-        still = np.ptp(table.state[:, :, :3], axis=1).max(axis=1) <= STILL
-        off = np.abs(yaw).max(axis=1) * (held | one.holds | still)
+        low, high = table.state[:, :, :3].min(axis=1), table.state[:, :, :3].max(axis=1)
+        way = np.maximum.reduceat(high, first) - np.minimum.reduceat(low, first)
+        looks = held | one.holds | (way.max(axis=1) <= REACHED)
+        off = np.abs(yaw).max(axis=1) * np.repeat(looks, np.diff(table.first))
         yield Seen(name, one.start + table.start, table.owner, off)
         for time, state in zip((one.start, one.end), one.ends(), strict=True):
             off = turn(state[:, 8] - heading)

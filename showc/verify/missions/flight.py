@@ -180,14 +180,14 @@ def _check_slots(
     before = np.maximum.accumulate([float(climbed.max()), *over])[:-1]
     idle = np.empty(slots.size)
     idle[order] = np.maximum(slots[order] - before - 2.0 * CONSTANTS["tick"], 0.0)
-    waited, of = _waited(fleet, reached, logged, legs, idle := idle[: legs.size])
+    waited, of = _waited(fleet, reached, logged, legs, idle[: legs.size])
     longest = float(waited.max())
     note = f"{legs.size:,} slots, at least {pause:g} s after the latest end"
     value, late = worst if legs.size else 0.0, worst >= -CONSTANTS["same"]
     if not late:
         note = f"released {-worst:.2f} s too early after line {fleet.lines[leg - 1]}"
     elif longest > 0.0:
-        row = int(np.argmax(idle * (of == np.argmax(waited))))
+        row = int(np.argmax(idle[: legs.size] * (of == np.argmax(waited))))
         value, where = -longest, Place(time=float(times[row]))
         note = f"no drone flies for {longest:.1f} s longer than slots need"
     holds = late and longest <= 0.0
@@ -203,10 +203,9 @@ def _waited(
 ) -> tuple[FloatArray, IntArray]:
     """By how much missions wait longer than the log before each move, (moves,) [s].
 
-    They are ``idle`` (m,) [s] before the slots of ``legs`` (m,): of one move that is
-    one wait, whichever drones they are. Also returned is the move of each leg, (m,).
+    They are ``idle`` (m,) [s] before the slots of ``legs`` (m,), holds aside: of one
+    move that is one wait, of any drones. Also returned is the move of each leg, (m,).
     """
-    # Holds are no waits: what follows is for a time to come.
     begin = np.array([one.start for one in logged])
     over = np.maximum.accumulate(begin + [m.duration + m.held for m in logged])
     still = np.maximum(begin - over[np.searchsorted(begin, begin) - 1], 0.0)
