@@ -43,8 +43,7 @@ _TYPES: dict[str, type[Message]] = {
 
 FORMAT_VERSION = 1  # of the log's content that is known here
 
-CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")
-"""Sizes from which something is refused."""
+CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")  # sizes refused
 
 TOPIC = re.compile(r"/drone/(\d{4,5})/trajectory")
 

@@ -249,6 +249,19 @@ def test_a_hold_is_waited_for_once_and_not_by_each_drone_anew(held):
     assert "VRF408" in held.caught(shifted(held, late))
 
 
+def test_a_launch_has_no_leg_but_a_climb(held):
+    """What waits for a slot is not held against others that still climb."""
+
+    def further(fields):
+        at = next(n for n, row in enumerate(fields) if row[3] == "16" and n)
+        slot = next(row for row in fields if row[3:5] == ["93", "-1"])
+        elsewhere = list(fields[at])
+        elsewhere[10] = "6.002"
+        return [*fields[:at], elsewhere, list(slot), *fields[at:]]
+
+    assert "VRF404" in held.caught(held.alike(1, further))
+
+
 def test_the_hold_after_the_launch_is_kept_by_missions(held):
     assert "VRF408" in held.caught(shifted(held, [(0, -30)] * 3))
 

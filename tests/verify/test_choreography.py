@@ -145,22 +145,6 @@ def test_free_yaw_that_turns_in_a_hold_and_back(show):
     assert failures(crept(replace(show, rules=rules), 8, 4e-3)) == {YAW}
 
 
-def test_free_yaw_that_turns_where_a_drone_stands_in_a_move(show):
-    rules = pb.Rules()
-    rules.CopyFrom(show.rules)
-    rules.yaw_held = False
-    table = show.segments[2].table
-    state = table.state.copy()
-    rows = slice(table.first[1], table.first[2])
-    state[rows, :, :3] = state[table.first[1], 0, :3]
-    stands = replace(show, rules=rules)
-    assert YAW not in failures(with_table(stands, 2, state=state))
-    # All round in one interval: the ends look along the heading.
-    state[table.first[1], 1:, 8] += 2.0 * np.pi
-    state[table.first[1] + 1 : table.first[2], :, 8] += 2.0 * np.pi
-    assert YAW in failures(with_table(stands, 2, state=state))
-
-
 def test_a_first_segment_that_is_no_launch(show):
     assert PADS in failures(remade(show, 0, kind=pb.Segment.TRANSITION))
 

@@ -131,6 +131,19 @@ def test_a_drone_that_should_stand_still_may_not_move(compiled):
     assert len(wrong) == 1 and "drone 4" in wrong[0]
 
 
+def test_a_drone_that_should_stand_still_may_not_turn(compiled):
+    _, logged = loaded(compiled / "output.mcap")
+    segments = list(logged.segments)
+    segment = segments[MOVING[2]]
+    table = segment.table
+    state = table.state.copy()
+    state[table.owner == 3, 1:-1, 8] += 0.7
+    segments[MOVING[2]] = replace(segment, table=replace(table, state=state))
+    show = load_show(compiled / "moving.yaml").show
+    wrong = strays(hold_against(show, replace(logged, segments=tuple(segments))))
+    assert len(wrong) == 1 and "drone 4 turns" in wrong[0]
+
+
 def test_a_drone_that_creeps_between_the_instants_that_are_looked_at(compiled):
     """Two straight lines, there and back: the second difference of each is nought."""
     _, logged = loaded(compiled / "output.mcap")

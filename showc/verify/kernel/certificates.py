@@ -71,8 +71,7 @@ if TYPE_CHECKING:
     from showc.log.showc_pb2 import Segment as SegmentMessage
     from showc.verify.kernel.separation import Encounter
 
-CELLS = 512
-"""Cells on each stretch between two knots: eight times as many prove 1 % more."""
+CELLS = 512  # between two knots: eight times as many prove 1 % more
 
 UNIT = 2.0**-53  # unit roundoff u of float64
 

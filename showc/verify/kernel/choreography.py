@@ -30,8 +30,7 @@ solver calls equal."""
 
 MOMENT = 1e-6  # gap in time between two segments [s]: rounding of times
 
-AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]
-"""States that are zero at a hover: all but position and yaw."""
+AT_REST = [3, 4, 5, 6, 7, 9, 10, 11]  # zero at a hover: all but position and yaw
 
 
 def joined_up(show: LoggedShow) -> list[Statement]:
@@ -74,17 +73,14 @@ def _moves(leg: pb.Segment) -> bool:
 
 
 def _heading(show: LoggedShow) -> Iterator[Seen]:
-    """Yaw at hovers, of drones that stay in place, and always if it is held."""
+    """Yaw at hovers, through holds, and always if it is held, by its hull."""
     heading, held = show.rules.heading, show.rules.yaw_held
     for one in show.segments:
-        name, table, first = one.message.name, one.table, one.table.first[:-1]
+        name, table = one.message.name, one.table
         yaw = table.state[:, :, 8] - heading
         # Free yaw may have turned by whole circles.
         yaw -= 2.0 * np.pi * np.round(yaw[:, :1] / (2.0 * np.pi)) * (not held)
-        low, high = table.state[:, :, :3].min(axis=1), table.state[:, :, :3].max(axis=1)
-        way = np.maximum.reduceat(high, first) - np.minimum.reduceat(low, first)
-        looks = held | one.holds | (way.max(axis=1) <= REACHED)
-        off = np.abs(yaw).max(axis=1) * np.repeat(looks, np.diff(table.first))
+        off = np.abs(yaw).max(axis=1) * (held | one.holds)
         yield Seen(name, one.start + table.start, table.owner, off)
         for time, state in zip((one.start, one.end), one.ends(), strict=True):
             off = turn(state[:, 8] - heading)

@@ -338,8 +338,7 @@ _FIRST = [3, 4, 5, 9, 10, 11]
 """What the right sides are integrated to: velocity and rates."""
 _SECOND = [0, 1, 2, 6, 7, 8]
 """What these are integrated to: position and angles."""
-_ONE, _OTHER = [1, 0, 0], [2, 2, 1]
-"""Rates whose products turn the drone about each axis."""
+_ONE, _OTHER = [1, 0, 0], [2, 2, 1]  # rates whose products turn it about each axis
 
 
 def _defects(

@@ -55,9 +55,11 @@ TOLERANCE = 1e-6
 """How far polynomials may exceed a limit, as a fraction of its range: what a solver
 calls equal. What is flown may exceed it by the tolerance of its tie besides."""
 
-_NAMES = "volume", "velocity", "tilt", "body rates", "thrust", "torques"
-_MORE = "rotor speeds", "accelerations", "fence", "jerk"
-FAMILIES = {name: f"VRF{311 + n}" for n, name in enumerate([*_NAMES, *_MORE])}
+FAMILIES = {
+    "volume": "VRF311", "velocity": "VRF312", "tilt": "VRF313", "body rates": "VRF314",
+    "thrust": "VRF315", "torques": "VRF316", "rotor speeds": "VRF317",
+    "accelerations": "VRF318", "fence": "VRF319", "jerk": "VRF320",
+}  # fmt: skip
 """Code of each family of limits."""
 
 _STATES = ("x", "y", "z", "vx", "vy", "vz", "roll", "pitch", "yaw", "p", "q", "r")

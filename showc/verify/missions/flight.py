@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     from showc.verify.specification.demands import Move
 
 _UNREADABLE = LookupError, TypeError, ValueError, AttributeError, OverflowError
-_WORD = re.compile(r"[\w:.,+ -]{1,80}", re.ASCII)
-"""An encoding or a time, as a forecast names them."""
+_WORD = re.compile(r"[\w:.,+ -]{1,80}", re.ASCII)  # an encoding or a time
 
 
 def check_flight(
@@ -86,7 +85,8 @@ def visits(
         places = np.concatenate([fleet.begin[[first]], fleet.end[first:end]])
         visited, off = _visits(places, stops[drone, own])
         found[drone, own[1 : len(visited)] - 1] = np.array(visited[1:]) + first - 1
-        steps = np.diff(visited)
+        extra = np.diff(visited) - KNOWN["most_legs"]
+        extra[:1] += 1  # a launch is a take-off and a climb
         if visited[:1] != [0]:
             wrong = "no item flies to the pad in its turn"
         elif len(visited) < own.size:
@@ -96,9 +96,9 @@ def visits(
             wrong = "flies on after its landing in the log"
         elif np.any(np.abs(fleet.end - fleet.begin)[end - 1, :2] > aside):
             wrong = "begins its landing beside its pad"
-        elif steps.max() > KNOWN["most_legs"]:
-            name = logged[own[1 + int(steps.argmax())] - 1].name
-            wrong = f"flies {steps.max()} legs for “{name}”, more than any move has"
+        elif extra.max() > 0:
+            name = logged[own[1 + int(extra.argmax())] - 1].name
+            wrong = f"flies {extra.max()} legs more for “{name}” than any such move has"
         if wrong or off > worst:
             worst, where = off, drone
         if wrong:

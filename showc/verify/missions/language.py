@@ -20,8 +20,7 @@ from showc.errors import ShowError
 RULES: dict[str, Any] = read_table(__package__ or "", "language.toml")
 """What ``language.toml`` says."""
 
-MISSION, RELATIVE = 2, 3
-"""MAV_FRAME: no place, height above home."""
+MISSION, RELATIVE = 2, 3  # MAV_FRAME: no place, height above home
 
 _ROW = re.compile(
     # Whether it is the first, frame, command; parameters; latitude and longitude.

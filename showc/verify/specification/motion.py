@@ -93,7 +93,7 @@ def astray(
         said = f"drone {worst + 1} may be {far[worst]:.6f} m from where the motion "
         said += f"has it, {FOLLOWED:g} m is allowed"
     elif not slip[other] <= 1.0:
-        said = f"drone {other + 1} begins or ends in another state than the motion's"
+        said = f"drone {other + 1} turns, or begins or ends unlike the motion"
         said += f": {slip[other]:.3g} times what is allowed"
     return [f"“{name}”: {said}"] if said else []
 
@@ -114,6 +114,12 @@ def _strayed(
     first, last = some.first[:-1], some.first[1:] - 1
     logged = np.stack([[one[first, 0], one[last, -1]] for one in slopes[1:]])
     missed = (np.abs(logged - ends).max(axis=(1, 3)).T / JOINED).max(axis=1)
+    if not mine.frames:  # drones that stay where they are do not turn
+        yaw = some.state[:, :, 8] - np.repeat(
+            some.state[first, :1, 8], np.diff(some.first), 0
+        )
+        turned = np.maximum.reduceat(np.abs(yaw).max(axis=1), first)
+        missed = np.maximum(missed, turned / JOINT)
     # The greatest second difference of the logged positions.
     bends = np.linalg.norm(slopes[2], axis=2).max(axis=1)
     bends = asked + np.maximum.reduceat(bends, first)
