@@ -93,7 +93,7 @@ def astray(
         said = f"drone {worst + 1} may be {far[worst]:.6f} m from where the motion "
         said += f"has it, {FOLLOWED:g} m is allowed"
     elif not slip[other] <= 1.0:
-        said = f"drone {other + 1} turns, or begins or ends unlike the motion"
+        said = f"drone {other + 1} turns, or begins or ends in another state"
         said += f": {slip[other]:.3g} times what is allowed"
     return [f"“{name}”: {said}"] if said else []
 
