@@ -201,12 +201,6 @@ class PiecewisePolynomial:
         """Return the same flight ``offset`` [s] later."""
         return PiecewisePolynomial(self.breaks + offset, self.coefficients)
 
-    def slowed(self, end: float) -> PiecewisePolynomial:
-        """Return positions and velocities, six components, that take until ``end``."""
-        slower = end / self.end
-        pace = np.repeat([1.0, 1.0 / slower], 3)
-        return PiecewisePolynomial(self.breaks * slower, self.coefficients * pace)
-
     def select(self, components: slice | list[int]) -> PiecewisePolynomial:
         """Return only the named components."""
         return PiecewisePolynomial(self.breaks, self.coefficients[:, :, components])

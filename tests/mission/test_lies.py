@@ -711,9 +711,9 @@ def test_a_mission_that_its_board_cannot_hold_is_caught(case):
     found = case.with_row(2, change)
     assert "VRF405" in case.caught(found)
     content = found[MISSION]
-    assert len(read_mission(content, board="h743").items) > 700
+    assert len(read_mission(content).items) > 700
     with pytest.raises(MissionFormatError, match="1 to 161 rows"):
-        read_mission(content, board="4k")
+        read_mission(content, most=161)
 
 
 def test_a_height_of_minus_zero_is_caught(case):

@@ -24,10 +24,15 @@ landing: {altitude: 8, hold: 2}
 """
 
 
+def flown(folder, script):
+    """Missions of a script's show, flown by formula."""
+    flight = formula_flight(build_itinerary(read_show(script.encode()).show))
+    return Case(folder, flight)
+
+
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
-    flight = formula_flight(build_itinerary(read_show(SCRIPT.encode()).show))
-    return Case(tmp_path_factory.mktemp("still"), flight)
+    return flown(tmp_path_factory.mktemp("still"), SCRIPT)
 
 
 def test_colours_alone_have_a_slot_and_are_proved(case):
@@ -93,8 +98,7 @@ def test_a_drone_that_comes_much_sooner_waits_until_the_last_formation_is_comple
     tmp_path,
 ):
     """Its way is too short to be flown as slowly as the other's."""
-    flight = formula_flight(build_itinerary(read_show(SPREAD.encode()).show))
-    case = Case(tmp_path, flight)
+    case = flown(tmp_path, SPREAD)
     soon, last = case.missions.prediction["legs"][-1]["arrivals"]
     assert soon < last - 3.0
     assert case.failures() == set()
@@ -114,8 +118,7 @@ def test_a_show_that_never_leaves_its_pads_by_more_than_height_has_missions(tmp_
     text = SCRIPT.replace("  - {to: pair, hold: 1}\n", "").replace(
         "  - {to: pair, colour: lime, hold: 4, assignment: fixed}\n", ""
     )
-    flight = formula_flight(build_itinerary(read_show(text.encode()).show))
-    case = Case(tmp_path, flight)
+    case = flown(tmp_path, text)
     assert case.missions.prediction["delay"] == pytest.approx(0.085)
     assert case.failures() == set()
 
@@ -125,9 +128,7 @@ def test_a_show_that_ends_in_another_colour_has_missions(tmp_path):
         "landing:",
         "  - {to: above, colour: gold, hold: 2, assignment: fixed}\nlanding:",
     )
-    case = Case(
-        tmp_path, formula_flight(build_itinerary(read_show(text.encode()).show))
-    )
+    case = flown(tmp_path, text)
     assert case.failures() == set()
 
 
@@ -149,8 +150,7 @@ landing: {altitude: 10, assignment: fixed}
 
 @pytest.fixture(scope="module")
 def stays(tmp_path_factory):
-    flight = formula_flight(build_itinerary(read_show(STAYS.encode()).show))
-    return Case(tmp_path_factory.mktemp("stays"), flight)
+    return flown(tmp_path_factory.mktemp("stays"), STAYS)
 
 
 def test_a_drone_above_its_pad_lands_with_the_others(stays):
@@ -216,8 +216,7 @@ landing: {altitude: 8, assignment: fixed}
 
 @pytest.fixture(scope="module")
 def held(tmp_path_factory):
-    flight = formula_flight(build_itinerary(read_show(HELD.encode()).show))
-    case = Case(tmp_path_factory.mktemp("held"), flight)
+    case = flown(tmp_path_factory.mktemp("held"), HELD)
     assert case.failures() == set()
     return case
 
@@ -284,5 +283,4 @@ landing: {altitude: 8, hold: 2}
 
 def test_legs_shorter_than_what_missions_store_end_their_own_moves(tmp_path):
     """Some drones stay, others fly the centimetre that they are rounded to."""
-    flight = formula_flight(build_itinerary(read_show(HARDLY.encode()).show))
-    assert Case(tmp_path, flight).failures() == set()
+    assert flown(tmp_path, HARDLY).failures() == set()

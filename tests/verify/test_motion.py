@@ -116,59 +116,51 @@ def test_another_motion_is_not_the_one_flown(compiled, change):
     assert len(strays(with_motion(compiled, change))) == 1
 
 
-def test_a_drone_that_should_stand_still_may_not_move(compiled):
+def wrong_where_drone_4_stands(compiled, change):
+    """What is found if ``change`` makes another table of the last motion."""
     _, logged = loaded(compiled / "output.mcap")
     segments = list(logged.segments)
     segment = segments[MOVING[2]]
-    table = segment.table
-    column = int(np.searchsorted(table.drones, 3))
-    state = table.state.copy()
-    rows = slice(int(table.first[column]), int(table.first[column + 1]))
-    state[rows, 1:-1, 0] += 0.01
-    segments[MOVING[2]] = replace(segment, table=replace(table, state=state))
+    segments[MOVING[2]] = replace(segment, table=change(segment.table))
     show = load_show(compiled / "moving.yaml").show
-    wrong = strays(hold_against(show, replace(logged, segments=tuple(segments))))
-    assert len(wrong) == 1 and "drone 4" in wrong[0]
+    return strays(hold_against(show, replace(logged, segments=tuple(segments))))
 
 
-def test_a_drone_that_should_stand_still_may_not_turn(compiled):
-    _, logged = loaded(compiled / "output.mcap")
-    segments = list(logged.segments)
-    segment = segments[MOVING[2]]
-    table = segment.table
-    state = table.state.copy()
-    state[table.owner == 3, 1:-1, 8] += 0.7
-    segments[MOVING[2]] = replace(segment, table=replace(table, state=state))
-    show = load_show(compiled / "moving.yaml").show
-    wrong = strays(hold_against(show, replace(logged, segments=tuple(segments))))
-    assert len(wrong) == 1 and "drone 4 turns" in wrong[0]
+@pytest.mark.parametrize(
+    ("component", "size", "said"), [(0, 0.01, "drone 4 may be"), (8, 0.7, "4 turns")]
+)
+def test_a_drone_that_should_stand_still_may_not_move(compiled, component, size, said):
+    def change(table):
+        state = table.state.copy()
+        state[table.owner == 3, 1:-1, component] += size
+        return replace(table, state=state)
+
+    (wrong,) = wrong_where_drone_4_stands(compiled, change)
+    assert said in wrong
 
 
 def test_a_drone_that_creeps_between_the_instants_that_are_looked_at(compiled):
     """Two straight lines, there and back: the second difference of each is nought."""
-    _, logged = loaded(compiled / "output.mcap")
-    segments = list(logged.segments)
-    segment = segments[MOVING[2]]
-    table, quarter = segment.table, 0.3 * segment.duration
-    others, own = (table.chosen(rows) for rows in (table.owner != 3, table.owner == 3))
-    state = np.repeat(own.state[:1], 2, axis=0)
-    way = np.linspace(0.0, 5e-3, state.shape[1])
-    state[0, :, 0] += way
-    state[1, :, 0] += way[::-1]
-    edges = np.array([0.0, quarter, segment.duration])
-    bent = replace(
-        own,
-        first=np.array([0, 2]),
-        start=edges[:-1],
-        end=edges[1:],
-        state=state,
-        control=np.repeat(own.control[:1], 2, axis=0),
-    )
-    table = PieceTable.joined([others, bent])
-    segments[MOVING[2]] = replace(segment, table=table)
-    show = load_show(compiled / "moving.yaml").show
-    wrong = strays(hold_against(show, replace(logged, segments=tuple(segments))))
-    assert len(wrong) == 1 and "drone 4 may be 0.005" in wrong[0]
+
+    def change(table):
+        drone = table.owner == 3
+        others, own = table.chosen(~drone), table.chosen(drone)
+        state = np.repeat(own.state[:1], 2, axis=0)
+        way = np.linspace(0.0, 5e-3, state.shape[1])
+        state[0, :, 0] += way
+        state[1, :, 0] += way[::-1]
+        bent = replace(
+            own,
+            first=np.array([0, 2]),
+            start=own.end[-1] * np.array([0.0, 0.3]),
+            end=own.end[-1] * np.array([0.3, 1.0]),
+            state=state,
+            control=np.repeat(own.control[:1], 2, axis=0),
+        )
+        return PieceTable.joined([others, bent])
+
+    (wrong,) = wrong_where_drone_4_stands(compiled, change)
+    assert "drone 4 may be 0.005" in wrong
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,13 @@ class Ways:
     """Positions and velocities of all drones, each on its own; none where those of
     another time do not tell."""
 
+    def slowed(self, row: int, duration: float) -> PiecewisePolynomial:
+        """Return what a drone flies alone, so slow that it takes a ``duration`` [s]."""
+        one = self.alone[row]
+        slower = duration / one.end
+        pace = np.repeat([1.0, 1.0 / slower], 3)
+        return PiecewisePolynomial(one.breaks * slower, one.coefficients * pace)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:

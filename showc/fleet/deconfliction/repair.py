@@ -137,7 +137,7 @@ class Repair:
     @property
     def ways(self) -> Ways:
         """Ways that leave their lines."""
-        known = self.move.known if self._slower else None
+        known = self._sooner
         return Ways(self.flights.bent, self._first if known is None else known.alone)
 
     @property
@@ -330,31 +330,34 @@ class Repair:
         changed, as much slower: flights of this time differ from them by more
         than smooth changes. Drones that go round corners follow their ways already.
         """
-        known, flights, alone = self.move.known, self.flights, self._now()
-        if known is None or not self._slower:
-            return alone
+        known, flights = self._sooner, self.flights
+        if known is None:
+            return self._now()
         at = flights.nodes
-        for row in range(len(alone)):
+        for row in range(len(flights.flown)):
             if row in self.move.detours:
                 continue
-            slowed = known.alone[row].slowed(self.duration)
+            slowed = known.slowed(row, self.duration)
             way = slowed.select(slice(0, 3))
             there = way(at.ravel()).reshape(*at.shape, 3)
             missed = np.abs(there - flights.sampled(row)).max()
             if missed > _LEAST * self.separation.distance:
-                self._slowed[row] = alone[row] = slowed
+                self._slowed[row] = slowed
                 flights.aim(row, there, way)
-        return alone
+        return self._now()
 
     @property
-    def _slower(self) -> bool:
-        """Whether ways of less time are known, and from which flights they come."""
-        alone = () if self.move.known is None else self.move.known.alone
-        return bool(alone) and alone[0].end <= self.duration
+    def _sooner(self) -> Ways | None:
+        """Ways that are known with the flights they come from, if these take less."""
+        known = self.move.known
+        if known is None or not known.alone or known.alone[0].end > self.duration:
+            return None
+        return known
 
     def _now(self) -> list[PiecewisePolynomial]:
-        """Positions and velocities of all flights as they are."""
-        return [flight.state.select(slice(0, 6)) for flight in self.flights.flown]
+        """Positions and velocities of all flights as they are, or slowed."""
+        flown = [flight.state.select(slice(0, 6)) for flight in self.flights.flown]
+        return [self._slowed.get(row, one) for row, one in enumerate(flown)]
 
     def _changed(self, rows: IntArray, found: Untangled) -> list[int]:
         """Fly changes as they are where that keeps all limits; return other rows."""
@@ -364,8 +367,7 @@ class Repair:
         if flat:
             change = found.curves(np.array(flat))
             now = self._now()
-            present = [self._slowed.get(row, now[row]) for row in flat]
-            flown = fly_changed(self.move.aircraft, present, change)
+            flown = fly_changed(self.move.aircraft, [now[row] for row in flat], change)
             for row, flight in zip(flat, flown, strict=True):
                 if flight is not None:
                     flights.take(row, SPLINE, flight)
@@ -400,7 +402,7 @@ class Repair:
         """Flights of all drones as they are, for all to be changed together."""
         flights, move = self.flights, self.move
         others, times = flights.others, self._instants()
-        state = [self._slowed.get(row, one) for row, one in enumerate(self._now())]
+        state = self._now()
         paths = [*(one.select(slice(0, 3)) for one in state), *others]
         speeds = [one.select(slice(3, 6)) for one in state]
         speeds += [one.derivative() for one in others]

@@ -259,10 +259,8 @@ def _apart(code: str, found: Encounter, wanted: float) -> Check:
         return checked(code, "pass", notes=("no two drones meet",))
     limit = wanted - CONSTANTS["rounding"] - 3.0 * separation.RESOLUTION
     bound = found.upper - separation.RESOLUTION
-    note = (
-        f"{wanted:g} m less {wanted - limit:g} m of the format's rounding and of the "
-    )
-    note += "proofs' resolution"
+    less = f"{wanted:g} m less {wanted - limit:g} m"
+    note = f"{less} of the format's rounding and of the proofs' resolution"
     where = Place(pair=(found.pair[0] + 1, found.pair[1] + 1), time=found.time or None)
     return checked(code, bound >= limit, bound, limit, "m", where=where, notes=(note,))
 

@@ -18,6 +18,7 @@ from showc.documents.values import read_json, unlike
 from showc.files import UnreadableFileError, read_file
 from showc.log import showc_pb2 as pb
 from showc.log.schema import MANIFEST_NAME as MANIFEST
+from showc.script.rules.missions import item_budget
 from showc.verify.decode import CAPS
 from showc.verify.missions import language
 from showc.verify.missions.flight import boundaries, check_flight, visits
@@ -114,13 +115,14 @@ class Missions:
         return [*checks, agreement("VRF403", odd), *self._lines(), self._autopilot()]
 
     def _same_manifest(self) -> Check:
+        wrong = []
         try:
             found = read_file(self.folder / MANIFEST, CAPS["document"])
-            wrong = f"{MANIFEST} differs: files of two compiles are mixed"
+            if found != self.log.attachment(MANIFEST):
+                wrong.append(f"{MANIFEST} differs: files of two compiles are mixed")
         except UnreadableFileError as error:
-            found, wrong = None, f"{MANIFEST}: cannot be read: {error.reason}"
-        same = found is not None and found == self.log.attachment(MANIFEST)
-        return agreement("VRF402", [] if same else [wrong])
+            wrong.append(f"{MANIFEST}: cannot be read: {error.reason}")
+        return agreement("VRF402", wrong)
 
     def _read(self) -> None:
         """Read all files; list no folders but those in which some must be."""
@@ -149,9 +151,9 @@ class Missions:
             if hashlib.sha256(content).hexdigest() != listed.get(name):
                 self.bad.append(f"{name}: the hash is not the manifest's")
             if name.endswith(".waypoints"):
-                board = self.script.mission.board
+                most = item_budget(self.spoken, self.script.mission.board)
                 try:
-                    read = language.read_mission(content, self.spoken, board)
+                    read = language.read_mission(content, self.spoken, most)
                     self.missions[name] = read
                 except language.MissionFormatError as error:
                     self.unread.append(f"{name}: {error}")

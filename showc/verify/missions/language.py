@@ -68,12 +68,12 @@ class Mission:
 
 
 def read_mission(
-    content: bytes, autopilot: str = "ardupilot", board: str = "h743"
+    content: bytes, autopilot: str = "ardupilot", most: int = RULES["most_items"]
 ) -> Mission:
     """Return the mission that the bytes of a ``.waypoints`` file hold.
 
-    The grammar is that of ``autopilot``, ``ardupilot`` or ``px4``. It has no more items
-    than ArduPilot's ``board`` keeps.
+    The grammar is that of ``autopilot``, ``ardupilot`` or ``px4``. It has ``most``
+    items at most, home among them.
 
     Raises
     ------
@@ -83,7 +83,6 @@ def read_mission(
     """
     if autopilot not in _GRAMMARS:
         raise MissionFormatError(f"is for an unknown autopilot {autopilot!r}")
-    most = RULES["boards"]["px4" if autopilot == "px4" else board]
     try:
         text = content.decode("ascii")
     except UnicodeDecodeError:

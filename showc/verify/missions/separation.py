@@ -25,7 +25,7 @@ import numpy as np
 from showc.verify.kernel.bernstein import least
 from showc.verify.kernel.separation import Encounter
 from showc.verify.kernel.slices import Measure, Slice, edges, measures, neighbours
-from showc.verify.missions.law import CONSTANTS, Covered
+from showc.verify.missions.law import CONSTANTS, KNOWN, Covered
 from showc.verify.missions.legs import UNTIMED, FleetLegs
 
 if TYPE_CHECKING:
@@ -303,8 +303,8 @@ class Tubes:
         ends = fleet.release + self._followed
         self.last = float(np.max(ends, initial=0.0, where=np.isfinite(ends)))
         """When the last timed leg has been flown [s]."""
-        land, descent = fleet.first[1:] - 1, min(descent, CONSTANTS["slow"])
-        sunk = (fleet.begin - fleet.end)[land, 2].max() / descent
+        land, slow = fleet.first[1:] - 1, 0.01 * KNOWN["parameters"]["LAND_SPEED"]
+        sunk = (fleet.begin - fleet.end)[land, 2].max() / min(descent, slow)
         over = max(self.last, float(fleet.climbs.max())) + fleet.pause.max()
         self._pads, self.latest = fleet.end[land], over + CONSTANTS["landing"] + sunk
         """When all have landed, sinking at ``descent`` [m/s] or slowly [s]."""
