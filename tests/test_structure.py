@@ -29,7 +29,7 @@ MAY_IMPORT = {
     "ocp": FOUNDATION,
     "fleet": FOUNDATION | {"vehicle", "script", "plan", "flight", "ocp"},
     "light": FOUNDATION | {"vehicle", "script", "plan", "flight"},
-    "log": FOUNDATION | {"vehicle", "script", "plan", "flight", "light"},
+    "log": FOUNDATION | {"vehicle", "script", "plan", "flight", "light", "documents"},
     "geodesy": {"script"},
     "autopilot": FOUNDATION | {"vehicle", "script", "geodesy"},
     "schedule": FOUNDATION
@@ -97,7 +97,8 @@ ROOMS_OF_VERIFY = {
         "processes",
         "progress",
     }
-    | {"script.show", "log.showc_pb2", "log.schema", "log.container", "log.records"},
+    | {"script.show", "log.showc_pb2", "log.schema", "log.container", "log.records"}
+    | {"log.facts"},
 }
 
 # What the folders of a room may import of each other, besides what lies beside them:

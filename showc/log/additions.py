@@ -9,22 +9,19 @@ are, byte by byte.
 
 from __future__ import annotations
 
-import json
 import struct
 from contextlib import contextmanager
 from hashlib import sha256
 from typing import TYPE_CHECKING
 
-from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from showc.errors import DamagedFileError, UsageError
 from showc.files import flush, open_file, stage_for, unwritable
-from showc.log import showc_pb2 as pb
 from showc.log.chunks import ChunkWriter
-from showc.log.facts import media_type
-from showc.log.schema import ABORT_NAME, ADDITIONS
+from showc.log.facts import media_type, names
+from showc.log.schema import ADDITIONS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,16 +56,6 @@ def data_digest(stream: BinaryIO) -> str:
     for block in _blocks(stream, _layout(stream)[1]):
         hasher.update(block)
     return hasher.hexdigest()
-
-
-def names(name: str, content: bytes) -> str:
-    """Return the digest that an addition names; empty where it is none."""
-    try:
-        if name == ABORT_NAME:
-            return str(pb.AbortTable.FromString(content).data_sha256)
-        return str(json.loads(content)["data_sha256"])
-    except (DecodeError, ValueError, LookupError, TypeError, RecursionError):
-        return ""
 
 
 def add(log: Path, name: str, content: bytes, digest: str) -> None:

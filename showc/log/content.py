@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from showc.log import showc_pb2 as pb
-from showc.log.schema import FORMAT_VERSION, message_of
+from showc.log.facts import rules_of
+from showc.log.schema import message_of
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -16,12 +15,6 @@ if TYPE_CHECKING:
     from showc.script.show import Show
     from showc.vehicle import Limits
 
-SHAPES = {
-    "sphere": pb.Separation.SPHERE,
-    "ellipsoid": pb.Separation.ELLIPSOID,
-    "any-axis": pb.Separation.ANY_AXIS,
-    "all-axes": pb.Separation.ALL_AXES,
-}
 KINDS = {
     "launch": pb.Segment.LAUNCH,
     "transition": pb.Segment.TRANSITION,
@@ -40,24 +33,8 @@ def limits_in_use(flight: Flight) -> list[Limits]:
 def rules_message(flight: Flight) -> pb.Rules:
     """Say what the flight must keep, and what flies."""
     show = flight.itinerary.show
-    site = show.site
-    fence = [] if site.fence is None else np.asarray(site.fence).ravel().tolist()
-    return pb.Rules(
-        format_version=FORMAT_VERSION,
-        name=show.name,
-        drones=show.drones,
-        duration=flight.duration,
-        site=message_of(pb.Site, site, fence=fence),
-        vehicle=message_of(pb.Vehicle, show.vehicle),
-        separation=message_of(
-            pb.Separation, show.separation, shape=SHAPES[show.separation.shape]
-        ),
-        yaw_held=show.yaw == "held",
-        heading=show.heading,
-        log_rate=show.log_rate,
-        formations=_formation_messages(show),
-        limits=[message_of(pb.Limits, limits) for limits in limits_in_use(flight)],
-    )
+    formations = {one.name: one.points for one in show.formations.values()}
+    return rules_of(show, formations, limits_in_use(flight), flight.duration)
 
 
 def segment_message(flight: Flight, number: int) -> pb.Segment:
@@ -139,13 +116,6 @@ def _doubles(number: int, values: FloatArray) -> bytes:
         head.append(length & 0x7F | 0x80)
         length >>= 7
     return bytes([*head, length]) + content
-
-
-def _formation_messages(show: Show) -> list[pb.Formation]:
-    return [
-        pb.Formation(name=formation.name, points=formation.points.ravel().tolist())
-        for formation in show.formations.values()
-    ]
 
 
 def _certificate_message(certificate: Certificate) -> pb.Certificate:

@@ -8,18 +8,43 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from importlib import resources
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.message import DecodeError
+
+from showc.documents.values import read_json
 from showc.log import showc_pb2 as pb
 from showc.log.sample import GRID, nanoseconds
-from showc.log.schema import FORMAT_VERSION, LAYOUT_NAME, MANIFEST_NAME
+from showc.log.schema import (
+    ABORT_HEAD,
+    ABORT_NAME,
+    FLEET,
+    FORMAT_VERSION,
+    LAYOUT_NAME,
+    MANIFEST_NAME,
+    PREDICTED,
+    RULES,
+    SCENE,
+    SEGMENTS,
+    TRANSFORMS,
+    message_of,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
+    from google.protobuf.message import Message
+
+    from showc.arrays import FloatArray
     from showc.script.show import Show
+    from showc.vehicle import Limits
 
 _MEDIA = {
     ".yaml": "application/yaml",
@@ -31,6 +56,21 @@ _MEDIA = {
     ".jpg": "image/jpeg",
     ".jpeg": "image/jpeg",
 }
+
+_MOST = 1 << 26
+"""Bytes from which an addition in JSON is refused."""
+
+TYPES: dict[str, type[Message]] = {
+    RULES: pb.Rules,
+    SCENE: SceneUpdate,
+    TRANSFORMS: FrameTransforms,
+    SEGMENTS: pb.Segment,
+    FLEET: PointCloud,
+    PREDICTED: PointCloud,
+    r"/drone/\d+/trajectory": pb.Trajectory,
+    r"/drone/\d+/state": pb.DroneState,
+}
+"""Types of messages, by patterns of topics."""
 
 _SCENE = "3D!show"
 """Name of the layout's panel that draws the show."""
@@ -44,6 +84,12 @@ def sha256(content: bytes) -> str:
 def media_type(name: str) -> str:
     """Type of an attachment by its suffix; others are plain bytes."""
     return _MEDIA.get(PurePath(name).suffix.lower(), "application/octet-stream")
+
+
+def message_type(topic: str) -> type[Message] | None:
+    """Type of the messages on a topic; None if no log of showc's has it."""
+    some = (kind for like, kind in TYPES.items() if re.fullmatch(like, topic))
+    return next(some, None)
 
 
 def epoch_of(show: Show) -> int:
@@ -88,6 +134,62 @@ def metadata_of(
         "manifest_sha256": sha256(manifest),
         **{f"grid_{name}": repr(step) for name, step in GRID.items()},
     }
+
+
+def rules_of(
+    show: Show,
+    formations: Mapping[str, FloatArray],
+    limits: Sequence[Limits],
+    duration: float,
+) -> pb.Rules:
+    """Return the rules of a log: what its flights must keep, and what flies.
+
+    Parameters
+    ----------
+    show
+        What the script asks for.
+    formations
+        Their places (n, 3) in the show frame [m], by name.
+    limits
+        Those in use, in the order of their first use.
+    duration
+        Of the flight [s].
+    """
+    fence = [] if show.site.fence is None else np.ravel(show.site.fence).tolist()
+    shape = show.separation.shape.upper().replace("-", "_")
+    return message_of(
+        pb.Rules,
+        show,
+        format_version=FORMAT_VERSION,
+        duration=duration,
+        site=message_of(pb.Site, show.site, fence=fence),
+        vehicle=message_of(pb.Vehicle, show.vehicle),
+        separation=message_of(pb.Separation, show.separation, shape=shape),
+        yaw_held=show.yaw == "held",
+        formations=[
+            pb.Formation(name=name, points=np.ravel(points).tolist())
+            for name, points in formations.items()
+        ],
+        limits=[message_of(pb.Limits, one) for one in limits],
+    )
+
+
+def names(name: str, content: bytes) -> str:
+    """Return the digest of the log that an addition names; empty where it is none.
+
+    Parameters
+    ----------
+    name
+        One of :data:`ADDITIONS`.
+    content
+        Of the addition; of a table of any size its begin is decoded, no more.
+    """
+    try:
+        if name == ABORT_NAME:
+            return str(pb.AbortTable.FromString(content[:ABORT_HEAD]).data_sha256)
+        return str(read_json(content, _MOST)["data_sha256"])
+    except (DecodeError, ValueError, LookupError, TypeError):
+        return ""
 
 
 def attachments_of(show: Show, manifest: bytes, *, plots: bool) -> dict[str, bytes]:

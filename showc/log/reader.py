@@ -19,8 +19,8 @@ from showc.errors import DamagedFileError
 from showc.flight import MeshTaken, Trajectory
 from showc.log import schema
 from showc.log import showc_pb2 as pb
-from showc.log.additions import names
 from showc.log.container import open_log
+from showc.log.facts import names
 from showc.log.records import Damage
 from showc.log.sample import NANOSECONDS, PLACE, POINT, nanoseconds
 from showc.trajectory import PiecewisePolynomial, concatenate
@@ -269,7 +269,7 @@ def _show(log: LogFile, gap: float) -> LoggedShow:
         predicted=predicted[1],
         attachments=attachments,
         metadata=metadata,
-        added={key: one for key, one in added.items() if names(key, one) == digest},
+        added={k: one for k, one in added.items() if names(k, one) == digest},
     )
 
 

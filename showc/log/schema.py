@@ -28,6 +28,8 @@ ABORT_NAME = "showc:abort.pb"
 """Addition: how the stopped fleet comes down, a ``showc.AbortTable``."""
 WIND_NAME = "showc:wind.json"
 """Addition: what simulated flights in wind gave."""
+ABORT_HEAD = 84
+"""Bytes of an abort table before its rows: the hash, and two numbers, with tags."""
 ADDITIONS = (ABORT_NAME, WIND_NAME)
 """Attachments behind all other data, see :mod:`showc.log.additions`."""
 

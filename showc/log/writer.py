@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
-from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from showc._version import __version__
 from showc.light import LightProgram, srgb_bytes
@@ -25,7 +23,7 @@ from showc.log import schema
 from showc.log import showc_pb2 as pb
 from showc.log.chunks import ChunkWriter
 from showc.log.content import rules_message, segment_message, trajectory_message
-from showc.log.facts import attachments_of, epoch_of, media_type, metadata_of
+from showc.log.facts import TYPES, attachments_of, epoch_of, media_type, metadata_of
 from showc.log.sample import (
     DRONE_STATE,
     NANOSECONDS,
@@ -285,15 +283,9 @@ class _Log:
 
     def register(self, topics: Topics, *, predicted: bool) -> None:
         """All schemas and channels, in one fixed order."""
-        channels: list[tuple[str, type[Message]]] = [
-            (schema.RULES, pb.Rules),
-            (schema.SCENE, SceneUpdate),
-            (schema.TRANSFORMS, FrameTransforms),
-            (schema.SEGMENTS, pb.Segment),
-            (schema.FLEET, PointCloud),
-        ]
-        if predicted:
-            channels.append((schema.PREDICTED, PointCloud))
+        once = [schema.RULES, schema.SCENE, schema.TRANSFORMS, schema.SEGMENTS]
+        once += [schema.FLEET, *[schema.PREDICTED] * predicted]
+        channels = [(topic, TYPES[topic]) for topic in once]
         fleet = range(self.show.drones)
         channels += [(schema.trajectory_topic(i), pb.Trajectory) for i in fleet]
         channels += [(schema.state_topic(i), pb.DroneState) for i in topics.states]

@@ -6,20 +6,19 @@ import re
 from collections import Counter
 from fractions import Fraction
 from functools import partial
-from itertools import chain, islice, product
+from io import BytesIO
+from itertools import chain, islice
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
-from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.message import DecodeError, Message
+from google.protobuf.proto import parse_length_prefixed
 
 from showc.codes import read_table
 from showc.log import showc_pb2 as pb
-from showc.log.container import Message as LoggedMessage
+from showc.log.facts import message_type
 from showc.log.records import Damage
-from showc.log.schema import ABORT_NAME, RULES, SEGMENTS, descriptor_set
+from showc.log.schema import ABORT_HEAD, ABORT_NAME, RULES, SEGMENTS, descriptor_set
 from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Segment
 from showc.verify.report import Check, agreement
 
@@ -27,23 +26,22 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from showc.log.container import LogFile
+    from showc.log.container import Message as LoggedMessage
 
 Parsed = TypeVar("Parsed", bound=Message)
-
-_TYPES: dict[str, type[Message]] = {
-    r"/show/rules": pb.Rules,
-    r"/show/segments": pb.Segment,
-    r"/show/scene": SceneUpdate,
-    r"/fleet/(state|predicted)": PointCloud,
-    r"/tf": FrameTransforms,
-    r"/drone/\d+/trajectory": pb.Trajectory,
-    r"/drone/\d+/state": pb.DroneState,
-}
-"""Type of the messages on each topic."""
 
 FORMAT_VERSION = 1  # of the log's content that is known here
 
 CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")  # sizes refused
+
+_PARTS: dict[bytes, type[pb.AbortRow | pb.Segment | pb.Trajectory]] = {
+    b"\x22": pb.AbortRow,
+    b"\x2a": pb.Segment,
+    b"\x32": pb.Trajectory,
+}
+"""Parts of an abort table by their tags."""
+
+_MALFORMED = DecodeError, RecursionError, MemoryError
 
 TOPIC = re.compile(r"/drone/(\d{4,5})/trajectory")
 
@@ -57,8 +55,7 @@ def check_schemas(log: LogFile) -> Check:
     bad = []
     for channel in log.channels.values():
         schema = log.schemas[channel.schema]
-        some = (t for topic, t in _TYPES.items() if re.fullmatch(topic, channel.topic))
-        wanted = next(some, None)
+        wanted = message_type(channel.topic)
         name = "nothing" if wanted is None else wanted.DESCRIPTOR.full_name
         if wanted is None or schema[1:] != (name, "protobuf", descriptor_set(wanted)):
             bad.append(
@@ -123,7 +120,7 @@ def _parsed(kind: type[Parsed], message: LoggedMessage) -> Parsed:
         raise Damage(message.offset, f"a {name} is larger than any of showc's")
     try:
         found = kind.FromString(message.data)
-    except (DecodeError, RecursionError, MemoryError) as error:
+    except _MALFORMED as error:
         raise Damage(message.offset, f"a {name} does not decode ({error})") from error
     # What is unknown, stands twice or is written in a longer way is lost by now.
     found.DiscardUnknownFields()
@@ -202,15 +199,15 @@ def read_aborts(
     """
     one = next(one for one in log.attachments if one.name == ABORT_NAME)
     offset, content = one.position, log.attachment(ABORT_NAME) or b""
-    table = _parsed(pb.AbortTable, LoggedMessage(0, 0, content, offset))
+    try:
+        table = _abort_table(content, rules)
+    except (*_MALFORMED, ValueError, LookupError) as error:
+        raise Damage(offset, "the abort table does not decode") from error
     said = ((row.time, row.rest, row.duration, *row.changes) for row in table.rows)
     numbers = [*chain(*said)]
     if not (
-        len(table.flights) == len(table.legs) * rules.drones
-        and [(one.segment, one.drone) for one in table.flights]
-        == [*product(range(len(table.legs)), range(rules.drones))]
-        and all(_sound(leg, rules) for leg in table.legs)
-        and all(len(row.legs) <= CAPS["row"] for row in table.rows)
+        table.SerializeToString(deterministic=True) == content
+        and len(table.flights) == len(table.legs) * rules.drones
         and all(leg < len(table.legs) for row in table.rows for leg in row.legs)
         and all(abs(n) < LARGEST for n in numbers)
         and len(numbers) <= CAPS["samples"]
@@ -222,6 +219,27 @@ def read_aborts(
     tables = (_table([*islice(flights, rules.drones)]) for _ in table.legs)
     goals = (np.array(one.goals).reshape(-1, 3) for one in table.legs)
     return table, tuple(map(Segment, table.legs, tables, goals))
+
+
+def _abort_table(content: bytes, rules: pb.Rules) -> pb.AbortTable:
+    """Decode an abort table part by part, so that the first odd one ends it."""
+    table, stream = pb.AbortTable.FromString(content[:ABORT_HEAD]), BytesIO(content)
+    stream.seek(ABORT_HEAD)
+    while tag := stream.read(1):
+        part = parse_length_prefixed(_PARTS[tag], stream)
+        if isinstance(part, pb.AbortRow):
+            table.rows.append(part)
+            known = len(table.rows) <= CAPS["rows"] and len(part.legs) <= CAPS["row"]
+        elif isinstance(part, pb.Segment):
+            table.legs.append(part)
+            known = _sound(part, rules)
+        else:
+            turn = divmod(len(table.flights), rules.drones)
+            table.flights.append(part)
+            known = (part.segment, part.drone) == turn and turn[0] < len(table.legs)
+        if not known:
+            raise ValueError(tag)
+    return table
 
 
 def _flown(

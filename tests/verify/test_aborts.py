@@ -1,7 +1,9 @@
 """The abort table in a log is proved: each lie in it is found by its check."""
 
 import hashlib
+import re
 import shutil
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -12,8 +14,10 @@ from showc.log import showc_pb2 as pb
 from showc.log.additions import add, digest_of
 from showc.log.container import open_log
 from showc.log.reader import read_log
+from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME
 from showc.verify import DamagedLogError, verify_log
+from showc.verify.decode import read_aborts
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.specification.aborts import Aborts
 from showc.verify.specification.cover import read_anchor
@@ -319,6 +323,43 @@ def test_a_lie_in_the_table_makes_the_verdict_not_proved(aborted, tmp_path):
 def test_a_table_that_contradicts_itself_is_damage(aborted, tmp_path, change):
     with pytest.raises(DamagedLogError, match="abort table"):
         told(aborted, tmp_path, change)
+
+
+@pytest.mark.parametrize("tag", [b"\x22", b"\x2a", b"\x32", b"\x3a"])
+def test_a_table_of_many_empty_parts_is_refused_at_once(aborted, tmp_path, tag):
+    """Decoded, each of two bytes takes a hundred times as many."""
+    log = tmp_path / aborted.name
+    shutil.copyfile(aborted, log)
+    digest = digest_of(log)
+    table = pb.AbortTable(data_sha256=digest, every=5.0, period=0.05)
+    many = table.SerializeToString(deterministic=True) + 1_000_000 * (tag + b"\x00")
+    add(log, ABORT_NAME, many, digest)
+    tracemalloc.start()
+    file = open_log(log)
+    with pytest.raises(Damage, match="abort table"):
+        read_aborts(file, decoded(file).rules)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 16e6
+
+
+def test_a_clock_that_never_slows_is_seen_in_the_verdict(aborted, tmp_path):
+    """The fleet then flies the show to its end before it lands."""
+    true, _ = told(aborted, tmp_path, lambda _: None)
+    end = read_log(aborted).duration
+
+    def onward(table):
+        for row in table.rows:
+            row.way, row.duration, row.rest = pb.AbortRow.ON_THE_GROUND, 0.0, end
+            row.changes[:] = [0.0] * int(2.0 + (end - row.time) / table.period)
+            del row.legs[:]
+
+    late, holds = told(aborted, tmp_path, onward)
+    assert holds["VRF351"]
+    rest = re.compile("at rest in ([0-9.]+) s")
+    times = [float(rest.search(found.notes[0])[1]) for found in (true, late)]
+    assert times[0] < 5.0
+    assert end <= times[1] <= end + 1.0
 
 
 def test_a_way_back_along_the_plan_is_proved(aborted, tmp_path):

@@ -12,19 +12,17 @@ of which Bernstein coefficients of v and a, of the same degree, enclose each.
 from __future__ import annotations
 
 import re
-from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from google.protobuf.message import DecodeError
 
-from showc.documents.values import read_json
 from showc.log import showc_pb2 as pb
-from showc.log.schema import ABORT_NAME, WIND_NAME, message_of
+from showc.log.facts import names
+from showc.log.schema import WIND_NAME, message_of
 from showc.script.fence import inside_polygon
-from showc.verify.decode import CAPS, read_aborts
+from showc.verify.decode import read_aborts
 from showc.verify.kernel.bernstein import elevate, part
 from showc.verify.kernel.choreography import MOMENT, REACHED, joined_up
 from showc.verify.kernel.dynamics import radius, ties
@@ -62,20 +60,11 @@ def bound_to(log: LogFile, added: list[str]) -> Check:
     """Hold each thing that was ``added`` against the log that it names, and follows."""
     begin = min(one.position for one in log.attachments if one.name in added)
     behind, wanted = all(c.span[1] <= begin for c in log.chunks), log.before(added)
-    other = [name for name in added if _named(log, name) != wanted or not behind]
+    named = {one: names(one, log.attachment(one) or b"") for one in added}
+    other = [one for one in added if named[one] != wanted or not behind]
     found = agreement("VRF108", (f"{name!r} is of another log" for name in other))
     note = "simulated flights are an estimate: nothing of them is proved"
     return replace(found, notes=(*found.notes, *[note] * (WIND_NAME in added)))
-
-
-def _named(log: LogFile, name: str) -> object:
-    """Return the hash of the log that an addition names; None if it names none."""
-    content = log.attachment(name) or b""
-    with suppress(DecodeError, ValueError, LookupError, TypeError):
-        if name == ABORT_NAME:
-            return pb.AbortTable.FromString(content).data_sha256
-        return read_json(content, CAPS["document"])["data_sha256"]
-    return None
 
 
 class Aborts:
@@ -116,6 +105,9 @@ class Aborts:
                 joined += joined_up(replace(show, segments=legs))[:-1]
         rows = agreement("VRF351", wrong)
         note = f"{len(self.table.rows)} rows, every {self.table.every:g} s"
+        if longest := [*zip(*map(self._takes, self.sound), strict=True)]:
+            rest, ground = map(max, longest)
+            note += f"; at rest in {rest:.1f} s, down in {ground:.1f} s at most"
         stated = [
             _one("VRF352", ties(show, radii)),
             _one("VRF353", kept(show, radii, limits)),
@@ -189,6 +181,12 @@ class Aborts:
         slows = stop.min() >= -MOMENT and not (np.diff(stop) > MOMENT).any()
         rests = rates[rest] < MOMENT or times[rest] >= end
         return min(float(times[rest]), end) if slows and rests else np.inf
+
+    def _takes(self, row: pb.AbortRow) -> tuple[float, float]:
+        """Time of a row until the fleet is at rest, and until the last landing [s]."""
+        back = row.duration if row.way == BACK else 0.0
+        rest = self.table.period * len(row.changes) - back
+        return rest, rest + row.duration
 
     def _beyond(self) -> Iterator[Seen]:
         """By how much clocks that change exceed accelerations that are allowed [m/s²].

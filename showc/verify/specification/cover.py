@@ -7,22 +7,14 @@ from itertools import islice
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from google.protobuf.json_format import MessageToDict
 
 from showc.documents.values import read_json, unlike
 from showc.files import read_file
 from showc.log import facts
-from showc.log import showc_pb2 as pb
-from showc.log.schema import (
-    ADDITIONS,
-    LAYOUT_NAME,
-    MANIFEST_NAME,
-    PREDICTED,
-    message_of,
-)
+from showc.log.schema import ADDITIONS, LAYOUT_NAME, MANIFEST_NAME, PREDICTED
 from showc.script import read_show
-from showc.verify.decode import CAPS, FORMAT_VERSION
+from showc.verify.decode import CAPS
 from showc.verify.report import NAMED, Check, agreement, checked
 
 if TYPE_CHECKING:
@@ -30,10 +22,8 @@ if TYPE_CHECKING:
 
     from google.protobuf.message import Message
 
-    from showc.arrays import FloatArray
     from showc.log.container import LogFile
     from showc.script.show import Show
-    from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow
 
 _NIL: dict[str, Any] = {"autopilot": None, "files": {}, "prediction": {}, "start": None}
@@ -187,29 +177,6 @@ def _manifest(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
         "missions": {**(_NIL if none else said), "warnings": texts},
     }
     yield from unlike(found, wanted, "manifest")
-
-
-def rules_message(
-    show: Show, formations: dict[str, FloatArray], limits: list[Limits], duration: float
-) -> pb.Rules:
-    """Return the rules that a log of the show must carry."""
-    fence = [] if show.site.fence is None else np.ravel(show.site.fence).tolist()
-    shape = show.separation.shape.upper().replace("-", "_")
-    return message_of(
-        pb.Rules,
-        show,
-        format_version=FORMAT_VERSION,
-        duration=duration,
-        site=message_of(pb.Site, show.site, fence=fence),
-        vehicle=message_of(pb.Vehicle, show.vehicle),
-        separation=message_of(pb.Separation, show.separation, shape=shape),
-        yaw_held=show.yaw == "held",
-        formations=[
-            pb.Formation(name=name, points=np.ravel(points).tolist())
-            for name, points in formations.items()
-        ],
-        limits=[message_of(pb.Limits, one) for one in limits],
-    )
 
 
 def differences(found: Message, wanted: Message) -> tuple[str, ...]:

@@ -19,12 +19,13 @@ from showc.documents.values import unlike
 from showc.light.keyframes import PARKED, Lit, keyframes_of
 from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
+from showc.log.facts import rules_of
 from showc.script.lanes import arrival, chapters, common, departure, own_times
 from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, REACHED
 from showc.verify.report import Check, agreement
 from showc.verify.specification import motion
-from showc.verify.specification.cover import differences, rules_message
+from showc.verify.specification.cover import differences
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -101,7 +102,7 @@ def hold_against(show: Show, logged: LoggedShow) -> Demands:
     else:
         demands.lights = LightProgram(show.drones, logged.duration, tuple(walk.spans))
     # Of legs that went astray, the formations and limits so far.
-    wanted = rules_message(show, walk.formations, walk.limits, logged.duration)
+    wanted = rules_of(show, walk.formations, walk.limits, logged.duration)
     demands.rules += differences(logged.rules, wanted)
     return demands
 
