@@ -219,7 +219,8 @@ class _Planner:
         """Return the way of a fleet that stands at ``places`` (n, 3), and its legs."""
         below = places.copy()
         below[:, 2] = self.ground
-        if (places[:, 2] - self.pads[:, 2].max() < _GROUNDED).all():
+        away = np.linalg.norm(places[:, None] - self.pads, axis=2).min(axis=1)
+        if (away < _GROUNDED).all():
             return "on the ground", ()
         if self._may_land(below):
             return "down in place", (self._leg("land", places, below),)
@@ -233,7 +234,12 @@ class _Planner:
         )
 
     def _may_land(self, below: FloatArray) -> bool:
-        """Tell whether drones may stand at ``below``: apart, and on free ground."""
+        """Tell whether drones may stand at ``below``: apart, and on free ground.
+
+        Where pads are at different heights, the ground is known at the pads alone.
+        """
+        if np.ptp(self.pads[:, 2]) > _GROUNDED:
+            return False
         separation = self.show.separation
         gap = measure(below[:, None] - below, separation)
         np.fill_diagonal(gap, np.inf)

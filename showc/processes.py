@@ -284,9 +284,17 @@ def _in_copies(
         with undisturbed(), suppress(BrokenExecutor):
             for number in range(len(parts)):
                 futures[number] = executor.submit(_do, number)
-        for future in as_completed(futures.values()):
-            if not isinstance(future.exception(), BrokenExecutor):
+        numbers = {future: number for number, future in futures.items()}
+        for future in as_completed(numbers):
+            if future.cancelled():
+                continue
+            if future.exception() is None:
                 done()
+            elif not isinstance(future.exception(), BrokenExecutor):
+                # What the first that fails raises is what is raised: none after it.
+                for later, number in numbers.items():
+                    if number > numbers[future]:
+                        later.cancel()
     except BaseException:
         for process in set(active_children()) - before:
             process.kill()

@@ -154,6 +154,17 @@ def test_the_first_part_that_fails_says_why(jobs):
     assert caught.value.args[0] == 7
 
 
+def test_nothing_is_begun_after_a_part_that_failed(tmp_path):
+    def late(number):
+        (tmp_path / str(number)).touch()
+        time.sleep(0.05)
+
+    parts = [partial(fail, 7), *(partial(late, number) for number in range(200))]
+    with pytest.raises(ArithmeticError, match="part 7"):
+        side_by_side(parts, 2)
+    assert len(list(tmp_path.iterdir())) < 50
+
+
 def test_what_a_dead_copy_left_undone_is_done():
     here = os.getpid()
 

@@ -55,13 +55,13 @@ def _finding(check: Check, path: str) -> Diagnostic:
         if check.limit is not None:
             measured += f" against {check.limit:.6g}"
         measured = f"{measured} {check.unit}".rstrip()
-    where = str(check.where)
+    where = escaped(str(check.where))
     known = codes().get(check.code)
     return Diagnostic(
         check.code,
         f"{check.group}: {check.name}{measured}" + (f" ({where})" if where else ""),
         Mark(path, 1, 1, 1, 2),
-        notes=check.notes,
+        notes=tuple(map(escaped, check.notes)),
         help=known.repair.rstrip(".") if known is not None else "",
         severity=FAULTS.get(check.verdict, Severity.WARNING),
     )

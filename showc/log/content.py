@@ -33,7 +33,7 @@ def limits_in_use(flight: Flight) -> list[Limits]:
 def rules_message(flight: Flight) -> pb.Rules:
     """Say what the flight must keep, and what flies."""
     show = flight.itinerary.show
-    formations = {one.name: one.points for one in show.formations.values()}
+    formations = {name: one.points for name, one in show.formations.items()}
     return rules_of(show, formations, limits_in_use(flight), flight.duration)
 
 

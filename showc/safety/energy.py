@@ -177,9 +177,12 @@ def flight_energy(draw: Draw, battery: Battery, abort: float) -> Energy:
     now = np.ones(drones)
     for step in range(steps):
         most = np.maximum(draw.peak[step], power[step])
+        # A last step may be so short that no part of a leg has its middle in it.
         with np.errstate(invalid="ignore", divide="ignore"):
             voltage[step] = np.where(
-                most > 0.0, most / current(battery, now, most), np.inf
+                most > 0.0,
+                most / current(battery, now, most),
+                open_circuit(battery, now),
             )
         drawn = np.nan_to_num(current(battery, now, power[step]), nan=np.inf)
         now = np.maximum(now - drawn * STEP / battery.capacity, 0.0)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.autopilot.timing import ARMED, LEAST_SPREAD, LIFT_OFF
+from showc.autopilot.timing import ARMED, CLOCK_LAG, LEAST_SPREAD, LIFT_OFF
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray, IntArray
@@ -124,4 +124,6 @@ class Timeline:
         flown = np.concatenate([stage.drones for stage in last.encoding.stages])
         # One that has flown just before needs slack; on the grid of slots.
         until = last.over if waits[flown].any() else last.arrival
+        # After a slot of lights alone, the second of this one is still to come.
+        until = max(until, last.releases[-1] + CLOCK_LAG + 1.0)
         return np.flatnonzero(waits), ceil(10.0 * until) / 10.0

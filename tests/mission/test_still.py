@@ -4,8 +4,10 @@ import pytest
 from mission.flights import formula_flight, rows
 from mission.planted import Case
 
+from showc.pipeline.compile import CompileOptions, compile_script
 from showc.plan import build_itinerary
 from showc.script import read_show
+from showc.verify import verify_log
 
 SCRIPT = """\
 showc: 1
@@ -44,6 +46,63 @@ def test_colours_alone_have_a_slot_and_are_proved(case):
     assert commands[green - 3 : green + 2] == [93, 93, 183, 183, 93]
     moved = [leg["name"] for leg in case.missions.prediction["legs"]]
     assert moved == ["launch -> pair", "pair -> pair", "pair -> above"]
+
+
+def test_a_slot_in_the_second_before_the_next_one_is_caught(case):
+    """Both begin in one second, and the vehicle waits an hour for the next one."""
+
+    def later(fields):
+        slots = [n for n, row in enumerate(fields) if row[3:5] == ["93", "-1"]]
+        lone, following = slots[1:3]
+        fields[lone][6:8] = fields[following][6:8]
+        fields[lone + 1][4] = "0.9"
+        return fields
+
+    assert "VRF410" in case.caught(case.with_row(1, later))
+
+
+STAYING = {
+    "for a colour on a cue": """
+  - {to: b, hold: 5}
+  - {to: b, at: 60, hold: 5, colour: blue}
+  - {to: b, at: 80}""",
+    "for as long as it is given": """
+  - {to: b, hold: 5}
+  - {to: b, hold: 0, duration: 20}
+  - {to: b, at: 60, hold: 0}""",
+    "before another formation": """
+  - {to: b, hold: 0}
+  - {to: b, hold: 0}
+  - {to: c, hold: 1}
+  - {to: c, hold: 0}""",
+    "and change their lights at the end": """
+  - {to: b, hold: 0, assignment: fixed}
+  - {to: c, hold: 2, assignment: fixed}
+  - {to: b, hold: 7, assignment: fixed, start: 50, colour: blue}
+  - {to: b, hold: 2, assignment: fixed, colour: lime}""",
+}
+
+
+@pytest.mark.parametrize("lights", ["{}", "{light_servos: [1, 2, 3]}"])
+@pytest.mark.parametrize("case", STAYING)
+def test_drones_that_stay_in_some_moves_are_proved(tmp_path, case, lights):
+    text = f"""\
+showc: 1
+drones: 2
+mission: {lights}
+pads: {{type: points, points: [[0, 0, 0], [3, 0, 0]]}}
+launch: {{altitude: 12, hold: 2}}
+formations:
+  b: {{type: points, points: [[0, 0, 12], [3, 0, 12]], colour: red}}
+  c: {{type: points, points: [[0, 0, 12], [3, 0, 18]], colour: gold}}
+transitions:{STAYING[case]}
+landing: {{altitude: 12, hold: 0}}
+"""
+    script = tmp_path / "stay.yaml"
+    script.write_text(text)
+    compile_script(script, tmp_path / "stay.mcap", CompileOptions())
+    found = verify_log(tmp_path / "stay.mcap")
+    assert found.proved, found.verdict
 
 
 def test_what_stands_above_the_pads_is_held_and_lands_dark(case):
@@ -253,10 +312,11 @@ def test_a_launch_has_no_leg_but_a_climb(held):
 
     def further(fields):
         at = next(n for n, row in enumerate(fields) if row[3] == "16" and n)
-        slot = next(row for row in fields if row[3:5] == ["93", "-1"])
+        slot = list(next(row for row in fields if row[3:5] == ["93", "-1"]))
+        slot[7] = str(int(slot[7]) - 5)
         elsewhere = list(fields[at])
         elsewhere[10] = "6.002"
-        return [*fields[:at], elsewhere, list(slot), *fields[at:]]
+        return [*fields[:at], elsewhere, slot, *fields[at:]]
 
     assert "VRF404" in held.caught(held.alike(1, further))
 

@@ -144,3 +144,13 @@ def test_the_message_has_every_row_and_every_flight(logged, options, monkeypatch
         ]
         # The clock slows from its whole rate to none.
         assert sum(one.changes) * message.period == pytest.approx(-1.0)
+
+
+def test_over_pads_of_different_heights_drones_go_home(logged, options, monkeypatch):
+    """The ground between them is not known, nor is one below the highest pad on it."""
+    show = show_of(logged)
+    pads = show.formations[show.pads]
+    points = pads.points + np.array([0.0, 0.0, 0.5]) * (np.arange(6) == 0)[:, None]
+    sloped = {**show.formations, show.pads: replace(pads, points=points)}
+    table, _, _ = planned(logged, options, monkeypatch, formations=sloped)
+    assert {row.way for row in table.rows[1:]} == {"home"}

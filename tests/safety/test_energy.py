@@ -150,3 +150,13 @@ def test_a_longer_abort_takes_more(logged):
     hover = Power.of(show.battery, show.vehicle, show.site.altitude)
     charge = 40.0 * hover.hover(show.vehicle) / show.battery.voltage
     assert long.abort > charge / show.battery.capacity
+
+
+def test_a_last_step_with_nothing_in_it_has_the_voltage_without_load():
+    """A show may end a moment after a whole second."""
+    battery, vehicle = CRAZYFLIE.battery, CRAZYFLIE.vehicle
+    draw = Draw(vehicle, Power.of(battery, vehicle), 1, 2.0 + 1e-9)
+    draw.joules[:2] = draw.peak[:2] = battery.hover_power
+    found = flight_energy(draw, battery, 0.0)
+    assert np.isfinite(found.voltage).all()
+    assert found.voltage[2] > found.voltage[1]

@@ -163,6 +163,19 @@ def test_a_drone_that_creeps_between_the_instants_that_are_looked_at(compiled):
     assert "drone 4 may be 0.005" in wrong
 
 
+def test_a_flight_that_would_take_minutes_to_look_at_is_refused(compiled):
+    """It bends so much that instants would have to be nanoseconds apart."""
+
+    def change(table):
+        state = table.state.copy()
+        own = np.flatnonzero(table.owner == 3)[0]
+        state[own, 1:-1:2, 0] += 1e13
+        return replace(table, state=state)
+
+    (wrong,) = wrong_where_drone_4_stands(compiled, change)
+    assert "drone 4 may be inf" in wrong
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

@@ -124,6 +124,24 @@ def test_arrivals_are_held_to_ten_milliseconds(compiled):
     assert len(times(70.11)) == 1
 
 
+@pytest.mark.parametrize("late", [False, True])
+def test_a_move_in_a_given_time_is_flown_in_all_of_it(compiled, late):
+    """All hover until its begin is over, or once its end has come."""
+    _, logged = loaded(compiled / "output.mcap")
+    segments = list(logged.segments)
+    move = segments[LEGS["four"]]
+    table, ends = move.table, move.ends()[int(not late)]
+    still = np.repeat(ends[:, None], table.state.shape[1], axis=1)
+    first, last = table.first[:-1], table.first[1:] - 1
+    state = table.state.copy()
+    state[first if late else last] = still
+    segments[LEGS["four"]] = replace(move, table=replace(table, state=state))
+    show = load_show(compiled / "groups.yaml").show
+    assert hold_against(show, logged).times == []
+    (wrong,) = hold_against(show, replace(logged, segments=tuple(segments))).times
+    assert "no drone flies" in wrong
+
+
 def test_a_hold_before_a_given_time_may_grow_but_not_shrink(compiled):
     _, logged = loaded(compiled / "output.mcap")
     show = load_show(compiled / "groups.yaml").show

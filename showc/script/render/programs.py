@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from showc.errors import printable
+from showc.errors import escaped, printable
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.render.text import render_text
 
@@ -126,7 +126,7 @@ def render_junit(diagnostics: Iterable[Diagnostic], sources: Mapping[str, str]) 
     suite = TestSuite("showc check")
     paths = sorted({*sources, *(item.span.path for item in found if item.span)})
     for path in paths:
-        case = TestCase(path, classname="showc", time=0)
+        case = TestCase(escaped(path), classname="showc", time=0)
         own = [item for item in found if (item.span.path if item.span else "") == path]
         case.result = [
             _failure(Failure, item, sources)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from unicodedata import east_asian_width
 
-from showc.errors import printable
+from showc.errors import escaped, printable
 from showc.script.diagnostic import Diagnostic, Severity
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def _block(item: Diagnostic, lines: Mapping[str, list[str]], *, colour: bool) ->
     tint = _COLOURS[item.severity]
     where = ""
     if item.span is not None:
-        where = printable(f"{item.span}: ")
+        where = escaped(f"{item.span}: ")
     head = paint(f"{item.severity}[{item.code}]", tint)
     out = [f"{where}{head}{paint(': ' + printable(item.message), _BOLD)}"]
     spans = [(item.span, item.label, True)] if item.span is not None else []
@@ -86,7 +86,7 @@ def _block(item: Diagnostic, lines: Mapping[str, list[str]], *, colour: bool) ->
         source = _line(span, lines) or ""
         text, carets = _pointer(span, source, "^" if primary else "-")
         if not primary and span.path != (item.span.path if item.span else ""):
-            out.append(f"{margin} {paint('::: ' + printable(span.path), _BLUE)}")
+            out.append(f"{margin} {paint('::: ' + escaped(span.path), _BLUE)}")
         number = str(span.line).rjust(width)
         if primary or (span.path, span.line) != here:
             out.append(f"{paint(f'{number} |', _BLUE)} {text}".rstrip())

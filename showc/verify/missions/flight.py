@@ -142,29 +142,30 @@ def _check_slots(
     flights, timed = fleet.profiles, np.flatnonzero(fleet.timed)
     lag, pause = CONSTANTS["clock_lag"], max(slack, CONSTANTS["settling"])
     likely = fleet.release + flights.followed(0.0) + 0.5 * lag
-    over = fleet.release + flights.followed(flights.late) + lag + pause
-    climb = fleet.first[:-1] + 1
+    latest = flights.followed(flights.late) + lag + pause
+    over, climb = fleet.release + latest, fleet.first[:-1] + 1
     climbed = fleet.climbs + 2.0 * CONSTANTS["spread"] + pause
     likely[climb] = over[climb] = climbed
-    leaves = fleet.leaves
-    alone, lit = fleet.alone.T
+    leaves, (alone, lit) = fleet.leaves, fleet.alone.T
     legs = np.concatenate([timed, alone.astype(np.int64)])
     times = np.concatenate([fleet.release[timed], lit])
     spare, after = [times - over[legs - 1]], [legs]
     done, rests = climbed.copy(), list[tuple[float, float]]()
-    at = climb - 1
+    # A move that no drone flies takes what is waited after each, or as in the log.
+    at, aside, least = climb - 1, 0.0, float((latest - flights.duration).max())
     # No slot follows the last move.
     for number, move in enumerate(logged[:-1]):
-        ends, held = reached[move.drones, number], move.held
+        ends = reached[move.drones, number]
         shift = np.abs(fleet.end[ends] - fleet.end[at[move.drones]])
         stays, at[move.drones] = shift.max(axis=1) < 2.0 * CONSTANTS["rounding"], ends
         begun = max(float(done[move.drones].max()), float(likely[ends].max()))
         begun = begun if number else float(fleet.climbs.max()) - CONSTANTS["tick"]
-        end = max(float(over[ends].max()), begun + held)
+        end = max(float(over[ends].max()), begun + move.held)
         last = move is logged[-2]
         end = float(likely[ends].max()) - pause if last else end
         done[move.drones] = end
-        rests.append((begun, end))
+        aside = aside + max(least, move.duration) if stays.all() else 0.0
+        rests.append((begun, end + aside))
         after.append((ends[stays] if last and own else ends) + 1)
         spare.append(leaves[after[-1]] - end)
     every, behind = np.concatenate(spare), np.concatenate(after)
@@ -214,7 +215,12 @@ def _waited(
         np.searchsorted(one, np.arange(*r)) for one, r in zip(ends, rows, strict=True)
     ]
     of = np.minimum(np.concatenate(some), still.size - 1)[legs]
-    return np.bincount(of, idle, still.size) - still - CONSTANTS["spin_up"], of
+    # Waits of the log before a move without a slot are those before the next one.
+    slots = np.unique(of)
+    still = np.bincount(np.searchsorted(slots, np.arange(still.size)), still)
+    waited = np.full(begin.size, -np.inf)
+    waited[slots] = np.bincount(of, idle)[slots] - still[: slots.size]
+    return waited - CONSTANTS["spin_up"], of
 
 
 def boundaries(fleet: FleetLegs, site: pb.Site) -> Iterator[Check]:

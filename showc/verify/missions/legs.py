@@ -274,17 +274,18 @@ def _rows(
     # By the first parameter of a speed item: level, up, down.
     names = "WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN"
     speeds = {kind: values[name] / 100.0 for kind, name in enumerate(names, 1)}
-    slots, waits, before = list[float](), {"D": 0.0, "P": 0.0}, 0.0
+    slots, waits, before = list[float](), {"D": 0.0, "P": 0.0}, -DAY
     for line, item in enumerate(mission.items, start=3):
         if item.word == "S":
             speeds[int(item.parameters[0])] = item.parameters[1]
         elif item.word == "C" and clock is not None:
             slots.append(clock.time(item))
-            if slots[-1] < before:
+            # A vehicle that comes a moment later waits for the next hour.
+            if slots[-1] < before + law.CONSTANTS["clock_lag"]:
                 raise MissionFormatError(f"line {line}: this slot comes too early")
             before = slots[-1]
         elif item.word == "F" and slots:
-            slots[-1] += item.parameters[0]
+            before = slots[-1] = slots[-1] + item.parameters[0]
         elif item.word in waits:
             waits[item.word] = item.parameters[0]
         elif item.word in "TWL":

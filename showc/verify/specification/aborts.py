@@ -105,9 +105,9 @@ class Aborts:
                 joined += joined_up(replace(show, segments=legs))[:-1]
         rows = agreement("VRF351", wrong)
         note = f"{len(self.table.rows)} rows, every {self.table.every:g} s"
-        if longest := [*zip(*map(self._takes, self.sound), strict=True)]:
-            rest, ground = map(max, longest)
-            note += f"; at rest in {rest:.1f} s, down in {ground:.1f} s at most"
+        period = self.table.period
+        down = [period * len(r.changes) + r.duration * bool(r.legs) for r in self.sound]
+        note += f"; on the ground within {max(down, default=0.0):.1f} s"
         stated = [
             _one("VRF352", ties(show, radii)),
             _one("VRF353", kept(show, radii, limits)),
@@ -182,12 +182,6 @@ class Aborts:
         rests = rates[rest] < MOMENT or times[rest] >= end
         return min(float(times[rest]), end) if slows and rests else np.inf
 
-    def _takes(self, row: pb.AbortRow) -> tuple[float, float]:
-        """Time of a row until the fleet is at rest, and until the last landing [s]."""
-        back = row.duration if row.way == BACK else 0.0
-        rest = self.table.period * len(row.changes) - back
-        return rest, rest + row.duration
-
     def _beyond(self) -> Iterator[Seen]:
         """By how much clocks that change exceed accelerations that are allowed [m/s²].
 
@@ -225,7 +219,9 @@ class Aborts:
         goals = places * (1.0, 1.0, 0.0) + (0.0, 0.0, pads[:, 2].min())
         taken = [people.points for people in site.audience if people.area]
         taken += [building.corners for building in site.buildings]
-        if row.way == pb.AbortRow.HOME:
+        if row.way == pb.AbortRow.DOWN_IN_PLACE and np.ptp(pads[:, 2]) > GROUNDED:
+            yield "it goes down in place, and pads are at different heights"
+        elif row.way != pb.AbortRow.DOWN_IN_PLACE:
             goals, taken = pads, []
         ends = [one.ends() for one in legs] or [(places, places)]
         if np.abs(ends[0][0][:, :3] - places).max() > REACHED:

@@ -200,6 +200,14 @@ class _Walk:
             self.demands.claims += lanes.claims
             self.demands.legs += lanes.unproved
             self.demands.times += lanes.times
+        elif any(one.timed or one.duration for one in transitions):
+            table = segment.table
+            flies = ~motion.hovers(table.state, show.heading)
+            ends = table.start[flies], segment.duration - table.end[flies]
+            idle = max((float(one.min()) for one in ends if one.size), default=0.0)
+            if idle > motion.ON_TIME:
+                text = f"“{name}”: no drone flies for {idle:.3f} s at an end of it"
+                self.demands.times.append(text)
         self._place(segment, transitions, flights)
         places = self.fleet if first.group is not None else self.placed[0].places
         if to not in self.formations:

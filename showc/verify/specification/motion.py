@@ -51,7 +51,7 @@ be from those asked for: of these a hover is left with 0.001 deg and 0.06 deg/s.
 
 _REST = 8e-4
 """Share of it that is left to what happens between two instants [m]."""
-_MOST = 200_000  # instants of one motion at which a look gives up
+_MOST = 500_000_000  # places at instants, by each motion: beyond, a look gives up
 _ROWS, _AT_ONCE = 1_000, 2_000
 """Polynomials, and instants of them, that are looked at together; bounds the memory."""
 
@@ -125,7 +125,7 @@ def _strayed(
     bends = asked + np.maximum.reduceat(bends, first)
     step = np.sqrt(8.0 * _REST / max(bends.max(), 1e-9))
     count = max(2, ceil(duration / min(step, duration)) + 1)
-    if count > _MOST:
+    if count * bends.size * (1 + len(mine.motions)) > _MOST:
         return np.where(bends == bends.max(), np.inf, 0.0), missed
     alone = replace(some, state=position, control=some.control[:, :, :0])
     far = np.zeros(bends.size)
@@ -157,6 +157,14 @@ def during(
     table = table if within.all() else table.chosen(within)
     table = replace(table, start=table.start - first, end=table.end - first)
     return replace(segment, message=message, table=table)
+
+
+def hovers(state: FloatArray, heading: float) -> BoolArray:
+    """Whether drones hover on mesh intervals, from coefficients (n, degree + 1, 12)."""
+    moved = np.ptp(state[:, :, :3], axis=1).max(axis=1)
+    off = np.abs(state[:, :, AT_REST]).max(axis=(1, 2))
+    turned = turn(state[:, :, 8] - heading).max(axis=1)
+    return np.asarray((moved <= STILL) & (np.maximum(off, turned) <= JOINT))
 
 
 class StrayError(Exception):
@@ -242,11 +250,8 @@ class Lanes:
 
     def waits(self, drones: IntArray) -> BoolArray:
         """Whether drones (n,) hover, on each of their mesh intervals in the leg."""
-        state = self.segment.table.state[np.isin(self.segment.table.owner, drones)]
-        moved = np.ptp(state[:, :, :3], axis=1).max(axis=1)
-        off = np.abs(state[:, :, AT_REST]).max(axis=(1, 2))
-        turned = turn(state[:, :, 8] - self.logged.rules.heading).max(axis=1)
-        return np.asarray((moved <= STILL) & (np.maximum(off, turned) <= JOINT))
+        own = np.isin(self.segment.table.owner, drones)
+        return hovers(self.segment.table.state[own], self.logged.rules.heading)
 
     def at(self, drones: IntArray, time: float) -> FloatArray:
         """States of drones (n,) at a show time [s], shape (n, 12) (SI)."""
