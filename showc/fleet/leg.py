@@ -18,7 +18,7 @@ from showc.fleet.search import Found, Room, Search, whole_milliseconds
 from showc.fleet.shared_profile.sparing import Fleet, flown_energy, sparing_profile
 from showc.fleet.single_drone.common_time import lingering
 from showc.fleet.single_drone.following import hover
-from showc.fleet.single_drone.model import Aircraft
+from showc.fleet.single_drone.model import Aircraft, in_motion
 from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
 from showc.flight import Certificate, DualWitness, Encounter, LegFlight, Trajectory
 from showc.plan.itinerary import STILL
@@ -122,7 +122,9 @@ class _Solver:
         if leg.motion:
             return self._moving()
         moving = np.linalg.norm(leg.goal - leg.start, axis=1) > STILL
-        if not (moving.any() or leg.in_motion):
+        # A formation of one place that turns in itself leaves its drone at a hover.
+        ends = (end for row in range(leg.drones.size) for end in leg.ends(row))
+        if not (moving.any() or any(map(in_motion, ends))):
             return self._hold()
         if leg.kind in {"launch", "land"}:
             return self._upright()

@@ -104,16 +104,21 @@ class Encoder:
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))
         moment = self._moment(scheduled.leg)
-        flown = scheduled.tracked
-        # A bend changes its lights on its first, its middle or its last leg.
-        lit = {"start": 0, "middle": (len(flown) - 1) // 2, "end": len(flown) - 1}
-        for number, (release, stage, track) in enumerate(flown):
-            # For all drones at once: for each alone it would take far longer.
-            moments = Moments(release, stage, track)
-            rows = {drone: row for row, drone in enumerate(stage.drones.tolist())}
-            for place, drone in enumerate(scheduled.leg.drones.tolist()):
-                colour = shown[place] if number == lit[moment] else None
-                writers[drone].leg(moments, rows.get(drone), colour, moment)
+        # For all drones at once: for each alone it would take far longer.
+        stages = [Moments(*one) for one in scheduled.tracked]
+        rows = [
+            {drone: row for row, drone in enumerate(one.stage.drones.tolist())}
+            for one in stages
+        ]
+        for place, drone in enumerate(scheduled.leg.drones.tolist()):
+            # Lights change on the first, the middle or the last of its own legs.
+            own = [number for number, row in enumerate(rows) if drone in row]
+            own = own or [*range(len(stages))]
+            last = len(own) - 1
+            lit = own[{"start": 0, "middle": last // 2, "end": last}[moment]]
+            for number, moments in enumerate(stages):
+                colour = shown[place] if number == lit else None
+                writers[drone].leg(moments, rows[number].get(drone), colour, moment)
 
     def _moment(self, leg: Leg) -> Moment:
         moment = change_moment(self.show, leg)

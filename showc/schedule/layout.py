@@ -24,6 +24,7 @@ from showc.autopilot.tracking import tracks
 from showc.errors import ExportError
 from showc.processes import side_by_side
 from showc.schedule.encodings import Encoding, choose_encoding
+from showc.schedule.landings import landings_meet
 from showc.schedule.releases import STEP
 from showc.schedule.separation import Motion, closest_encounter
 from showc.schedule.surroundings import Surroundings, stage_motion, tick
@@ -146,6 +147,10 @@ class _Layout:
         land_closest = self._untimed(descent, positions, "landing")
         self.progress.advance()
         land_start = self.arrival + pause
+        show = self.show
+        around = Surroundings(positions, show.separation, show.site, self.timing)
+        last = max(legs, key=lambda leg: leg.arrival, default=None)
+        together = last is not None and landings_meet(last, descent, pause, around)
         return Timeline(
             pads,
             launch,
@@ -154,6 +159,7 @@ class _Layout:
             tuple(legs),
             self.shift,
             pause,
+            together,
             descent,
             land_start,
             launch_closest,

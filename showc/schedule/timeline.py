@@ -90,6 +90,8 @@ class Timeline:
     for [s]; None: it asks for none."""
     landing_pause: float
     """Hover between the last arrival and the landing [s]."""
+    lands_together: bool
+    """Whether no drone may sink before the last has come: else they come too near."""
     land: Stage
     """Straight down, untimed."""
     land_start: float
@@ -111,16 +113,17 @@ class Timeline:
 
         Those that do not fly last would land as soon as they have flown, beneath the
         others; those that come much sooner than others, before the last formation is
-        complete.
+        complete; and on their approach, those that would sink too near to others.
         """
         if not self.legs:
             return np.empty(0, dtype=np.int64), 0.0
         last = max(self.legs, key=lambda leg: leg.arrival)
         waits = np.ones(self.pads.shape[0], dtype=bool)
+        complete = -np.inf if last.leg.kind == "approach" else last.arrival
+        complete = last.over if self.lands_together else complete
         for release, stage in last.flown:
             lands = release + stage.wait + stage.followed + self.landing_pause
-            sooner = (lands < last.arrival) & (last.leg.kind != "approach")
-            waits[stage.drones] = sooner
+            waits[stage.drones] = lands < complete
         flown = np.concatenate([stage.drones for stage in last.encoding.stages])
         # One that has flown just before needs slack; on the grid of slots.
         until = last.over if waits[flown].any() else last.arrival

@@ -1,5 +1,7 @@
 """Legs in which nobody moves, and landings from where the fleet stands already."""
 
+import json
+
 import pytest
 from mission.flights import formula_flight, rows
 from mission.planted import Case
@@ -102,6 +104,64 @@ landing: {{altitude: 12, hold: 0}}
     script.write_text(text)
     compile_script(script, tmp_path / "stay.mcap", CompileOptions())
     found = verify_log(tmp_path / "stay.mcap")
+    assert found.proved, found.verdict
+
+
+LAYERED = """\
+showc: 1
+separation: 2
+drones: 2
+pads: {type: circle, radius: 2.04, count: 2}
+launch: {altitude: 10, hold: 2}
+groups: {left: [1], right: [2]}
+formations:
+  a: {type: grid, step: 2.03, centre: [0, 0, 16]}
+  l0: {type: points, points: [[-24, 18, 20]], colour: red}
+  r0: {type: points, points: [[24, -16, 20]], colour: lime}
+transitions:
+  - {to: a, hold: 5}
+  - {to: r0, group: right, at: 57.1, hold: 4, fade: start}
+  - {to: l0, group: left, duration: 18, colour: deepskyblue}
+prefer: energy
+landing: {altitude: 10, assignment: fixed}
+mission: {light_servos: [9, 10, 11]}
+"""
+
+
+def test_a_drone_changes_its_lights_on_legs_of_its_own(tmp_path):
+    """The other one flies to another layer first: that is no leg of this drone's."""
+    script, log = tmp_path / "layered.yaml", tmp_path / "layered.mcap"
+    script.write_text(LAYERED)
+    compile_script(script, log, CompileOptions())
+    manifest = json.loads(log.with_suffix("").joinpath("manifest.json").read_bytes())
+    encodings = [leg["encoding"] for leg in manifest["missions"]["prediction"]["legs"]]
+    assert "2 layers" in encodings
+    found = verify_log(log)
+    assert found.proved, found.verdict
+
+
+NARROW = """\
+showc: 1
+limits: {acceleration: 2.5}
+separation: 0.8
+drones: 2
+pads: {type: line, length: 0.89, direction: [1, 2, 0], centre: [-1.4, 0.4, 0.5]}
+launch: {altitude: 2.5, hold: 0}
+formations:
+  r0: {type: helix, radius: 1.6, height: 2.08, turns: -0.5, count: 2, spread: true,
+    centre: [11.2, 5.75, 16.8]}
+transitions:
+  - {to: r0}
+landing: {altitude: 2.5, hold: 1, assignment: fixed}
+"""
+
+
+def test_a_drone_does_not_sink_beside_one_that_still_comes_too_near(tmp_path):
+    """It would be on the ground seconds before the other is above its pad."""
+    script, log = tmp_path / "narrow.yaml", tmp_path / "narrow.mcap"
+    script.write_text(NARROW)
+    compile_script(script, log, CompileOptions())
+    found = verify_log(log)
     assert found.proved, found.verdict
 
 

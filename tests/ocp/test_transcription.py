@@ -203,6 +203,23 @@ def test_arcs_place_a_switch_exactly():
     assert solution.phases[0].arc_durations == pytest.approx(np.sqrt(3.0), rel=1e-7)
 
 
+def test_a_constraint_is_never_tightened_beyond_half_of_its_range():
+    """However far a flight was beyond it: else nothing is left between its bounds."""
+    problem = ocp.Problem("push")
+    phase = problem.phase(duration=(0.1, 10.0))
+    x = phase.state("x", start=0.0, end=1.0)
+    v = phase.state("v", start=0.0, end=0.0)
+    u = phase.control("u", -2.0, 2.0)
+    phase.derivative(x, v)
+    phase.derivative(v, u)
+    phase.constrain(1.0 * u, -1.0, 1.0, name="push")
+    problem.minimise(phase.duration)
+    mesh = ocp.PhaseMesh((0.5, 0.5), (4, 4), path_margins=(7.0, 7.0))
+    solution = ocp.Transcription(problem, ocp.Mesh((mesh,))).solve()
+    # Half of the push is left: from rest to rest over 1 m in 2 sqrt(1 / 0.5).
+    assert solution.phases[0].duration == pytest.approx(2.0 * np.sqrt(2.0), rel=1e-3)
+
+
 def test_static_unknowns_and_several_phases_linked_by_continuity():
     # Fall from rest through a static depth in two phases; v^2 = 2 g s at the end.
     problem = ocp.Problem("fall")

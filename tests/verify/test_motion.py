@@ -215,3 +215,23 @@ def test_a_motion_of_minutes_follows_frames_and_is_proved(tmp_path):
     compile_script(script, log, CompileOptions(missions=False))
     found = verify_log(log)
     assert found.proved, [one for one in found.checks if one.verdict == "fail"]
+
+
+@pytest.mark.parametrize(
+    "moves",
+    [
+        """{to: it, hold: 8, motion: [{rotate: 90}], leave: moving}
+  - {to: it, duration: 15}""",
+        "{to: it, hold: 8, arrive: moving, duration: 10, motion: [{rotate: 90}]}",
+    ],
+)
+def test_a_drone_in_the_middle_of_what_turns_stays_and_is_proved(tmp_path, moves):
+    script, log = tmp_path / "middle.yaml", tmp_path / "middle.mcap"
+    script.write_text(
+        "showc: 1\nlaunch: {altitude: 10}\nlanding: {altitude: 10}\n"
+        "formations: {it: {type: points, points: [[0, 0, 10]]}}\n"
+        f"transitions:\n  - {moves}\n"
+    )
+    compile_script(script, log, CompileOptions(missions=False))
+    found = verify_log(log)
+    assert found.proved, found.verdict

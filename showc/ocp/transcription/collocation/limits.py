@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 SHORTEST = 1e-6
 """Least duration of an arc over the scale of the phase's duration."""
 
+_TIGHTEST = 0.25
+"""Share of its range by which a constraint is tightened at either end at most: half of
+the range stays."""
+
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
@@ -204,6 +208,7 @@ def _row_bounds(
             bounds = table["path", phase, group.name]
             margins = np.array(mesh.phases[group.phase].path_margins)
             margin = margins[group.interval] * table.path_scale(phase, group.name)
+            margin = np.minimum(margin, _TIGHTEST * (bounds[1] - bounds[0]))
             equation = bounds[0] == bounds[1]
             low = bounds[0] + (0.0 if equation else margin)
             high = bounds[1] - (0.0 if equation else margin)
@@ -223,6 +228,7 @@ def _row_bounds(
         if group.kind == "coupling":
             bounds = table["coupling", phase, group.name]
             tighter = discretisation.coupling_margins[group.phase, group.name]
+            tighter = min(tighter, _TIGHTEST * (bounds[1] - bounds[0]))
             bounds = bounds[0] + tighter, bounds[1] - tighter
         elif group.kind == "boundary":
             bounds = table["boundary", group.name]
