@@ -201,12 +201,11 @@ class _Walk:
             self.demands.legs += lanes.unproved
             self.demands.times += lanes.times
         elif any(one.timed or one.duration for one in transitions):
-            table = segment.table
-            flies = ~motion.hovers(table.state, show.heading)
-            ends = table.start[flies], segment.duration - table.end[flies]
-            idle = max((float(one.min()) for one in ends if one.size), default=0.0)
-            if idle > motion.ON_TIME:
-                text = f"“{name}”: no drone flies for {idle:.3f} s at an end of it"
+            # It may begin with a wait.
+            flies = ~motion.hovers(segment.table.state, show.heading)
+            over = segment.duration - segment.table.end[flies].max(initial=0.0)
+            if flies.any() and over > motion.ON_TIME:
+                text = f"“{name}”: all have arrived {over:.3f} s before its end"
                 self.demands.times.append(text)
         self._place(segment, transitions, flights)
         places = self.fleet if first.group is not None else self.placed[0].places
