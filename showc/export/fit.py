@@ -216,8 +216,8 @@ class _Fit:
         raise ExportError(
             f"drone {worst.drone + 1} at {worst.time:.2f} s: pieces of {STEPS[-1]} ms "
             f"on a grid of {fitted.scale.max()} mm miss the solved flight by "
-            f"{worst.upper:.3f} m; wanted at most {self.tolerance:g} m: ask for less "
-            "with --tolerance, or bring the show nearer to its origin"
+            f"{1e3 * worst.upper:.3g} mm; wanted at most {1e3 * self.tolerance:g} mm: "
+            "allow more (`tolerance`), or bring the show nearer to its origin"
         )
 
     def _cut(self, exact: Tracks, step: int, costs: tuple[float, float]) -> FittedFleet:

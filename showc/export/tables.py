@@ -193,8 +193,8 @@ def poly7_files(show: SolvedShow, lead: float, tolerance: float) -> tuple[Sample
                 return _Pieces(_poly7_texts(times, body), error, step, float(times[-1]))
         raise ExportError(
             f"polynomial pieces of {POLY7_STEPS[-1]} ms miss the solved flight by "
-            f"{worst:.3f} m; wanted at most {tolerance:g} m: ask for less with "
-            "--tolerance"
+            f"{1e3 * worst:.3g} mm; wanted at most {1e3 * tolerance:g} mm: allow more "
+            "(`tolerance`)"
         )
 
     parts = side_by_side(

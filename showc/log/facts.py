@@ -180,7 +180,7 @@ def names(name: str, content: bytes) -> str:
     Parameters
     ----------
     name
-        One of :data:`ADDITIONS`.
+        One of :data:`showc.log.schema.ADDITIONS`.
     content
         Of the addition; of a table of any size its begin is decoded, no more.
     """

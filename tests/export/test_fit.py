@@ -80,7 +80,7 @@ def test_shorter_pieces_are_taken_for_a_smaller_error(gliding):
 
 
 def test_what_no_piece_reaches_is_refused_with_its_drone(show):
-    with pytest.raises(ExportError, match=r"drone \d+ at .* wanted at most 1e-05 m"):
+    with pytest.raises(ExportError, match=r"drone \d+ at .* wanted at most 0.01 mm"):
         fit_fleet(show, lead=10.0, tolerance=1e-5)
 
 
