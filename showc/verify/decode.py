@@ -239,6 +239,7 @@ def _abort_table(content: bytes, rules: pb.Rules) -> pb.AbortTable:
             known = (part.segment, part.drone) == turn and turn[0] < len(table.legs)
         if not known:
             raise ValueError(tag)
+    table.DiscardUnknownFields()
     return table
 
 

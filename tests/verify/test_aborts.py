@@ -343,6 +343,18 @@ def test_a_table_of_many_empty_parts_is_refused_at_once(aborted, tmp_path, tag):
     assert most < 16e6
 
 
+@pytest.mark.parametrize("part", ["rows", "legs", "flights", ""])
+def test_what_no_part_of_a_table_has_is_refused(aborted, tmp_path, part):
+    """A field that no reader knows hides any number of bytes."""
+
+    def change(table):
+        place = getattr(table, part)[0] if part else table
+        place.MergeFromString(b"\xfa\x3e\x04evil")
+
+    with pytest.raises(DamagedLogError, match="abort table"):
+        told(aborted, tmp_path, change)
+
+
 def test_a_clock_that_never_slows_is_seen_in_the_verdict(aborted, tmp_path):
     """The fleet then flies the show to its end before it lands."""
     true, _ = told(aborted, tmp_path, lambda _: None)
