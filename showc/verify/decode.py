@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import partial
 from io import BytesIO
 from itertools import chain, islice
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from google.protobuf.message import DecodeError, Message
@@ -34,11 +34,8 @@ FORMAT_VERSION = 1  # of the log's content that is known here
 
 CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")  # sizes refused
 
-_PARTS: dict[bytes, type[pb.AbortRow | pb.Segment | pb.Trajectory]] = {
-    b"\x22": pb.AbortRow,
-    b"\x2a": pb.Segment,
-    b"\x32": pb.Trajectory,
-}
+_PARTS: dict[bytes, Any]
+_PARTS = {b"\x22": pb.AbortRow, b"\x2a": pb.Segment, b"\x32": pb.Trajectory}
 """Parts of an abort table by their tags."""
 
 _MALFORMED = DecodeError, RecursionError, MemoryError

@@ -136,7 +136,7 @@ def test_a_move_in_a_given_time_is_flown_until_it_is_over(compiled):
     show = load_show(compiled / "groups.yaml").show
     assert hold_against(show, logged).times == []
     (wrong,) = hold_against(show, replace(logged, segments=tuple(segments))).times
-    assert "all have arrived" in wrong
+    assert "no drone flies" in wrong
 
 
 def test_a_move_in_a_given_time_may_begin_with_a_wait(compiled):

@@ -135,9 +135,9 @@ def _check_slots(
     """Whether no drone leaves before a move has ended, and none waits for nothing.
 
     A move has ended when all its drones have flown it, at the latest, with the lag of
-    the clock and ``pause`` [s], and have held what the log holds. The fleet as a whole
-    waits no longer than that, so no slot is an hour late. With an approach, a drone
-    that flies one lands after its ``own``.
+    the clock and a pause, and have held what the log holds. What follows moves of
+    groups waits for all of them. So do landings, but after an approach of their
+    ``own``. The fleet as a whole waits no longer: no slot is an hour late.
     """
     flights, timed = fleet.profiles, np.flatnonzero(fleet.timed)
     lag, pause = CONSTANTS["clock_lag"], max(slack, CONSTANTS["settling"])
@@ -150,48 +150,45 @@ def _check_slots(
     legs = np.concatenate([timed, alone.astype(np.int64)])
     times = np.concatenate([fleet.release[timed], lit])
     spare, after = [times - over[legs - 1]], [legs]
-    done, rests = climbed.copy(), list[tuple[float, float]]()
+    done, rests = climbed.copy(), [(-np.inf, float(climbed.max()))]
     # A move that no drone flies takes what is waited after each, or as in the log.
-    at, aside, least = climb - 1, 0.0, float((latest - flights.duration).max())
+    at, aside, arrived = climb - 1, 0.0, 0.0
+    least = float((latest - flights.duration).max())
     # No slot follows the last move.
     for number, move in enumerate(logged[:-1]):
+        if number and move.segment != logged[number - 1].segment:
+            done[:] = done.max()
+            after.append(at + 1)
+            spare.append(leaves[at + 1] - done)
         ends = reached[move.drones, number]
         shift = np.abs(fleet.end[ends] - fleet.end[at[move.drones]])
         stays, at[move.drones] = shift.max(axis=1) < 2.0 * CONSTANTS["rounding"], ends
-        begun = max(float(done[move.drones].max()), float(likely[ends].max()))
+        arrives = float(likely[ends].max())
+        arrived = max(arrived, arrives)
+        begun = max(float(done[move.drones].max()), arrives)
         begun = begun if number else float(fleet.climbs.max()) - CONSTANTS["tick"]
-        end = max(float(over[ends].max()), begun + move.held)
-        last = move is logged[-2]
-        end = float(likely[ends].max()) - pause if last else end
+        end, follows = max(float(over[ends].max()), begun + move.held), ends + 1
+        if move is logged[-2]:
+            end = arrived - pause
+            follows = ends[stays] + 1 if own else fleet.first[1:] - 1
         done[move.drones] = end
         aside = aside + max(least, move.duration) if stays.all() else 0.0
         rests.append((begun, end + aside))
-        after.append((ends[stays] if last and own else ends) + 1)
-        spare.append(leaves[after[-1]] - end)
-    every, behind = np.concatenate(spare), np.concatenate(after)
-    worst, where = float(every.min(initial=np.inf)), Place()
-    if every.size:
-        leg = behind[int(np.argmin(every))]
-        where = Place(int(fleet.owner[leg]) + 1, time=float(leaves[leg]))
-    # How long no drone needs before a slot: all had climbed, or were free before it.
-    rest, ended = np.array(rests).T
-    slots, free = np.concatenate([times, rest]), np.fmax(over, likely)[timed]
-    order = np.argsort(slots, kind="stable")
-    over = np.concatenate([free, lit, ended])[order]
-    before = np.maximum.accumulate([float(climbed.max()), *over])[:-1]
-    idle = np.empty(slots.size)
-    idle[order] = np.maximum(slots[order] - before - 2.0 * CONSTANTS["tick"], 0.0)
-    waited, of = _waited(fleet, reached, logged, legs, idle[: legs.size])
-    longest = float(waited.max())
+        after.append(follows)
+        spare.append(leaves[follows] - end)
+    every = np.concatenate(spare)
+    worst, leg = float(every.min()), np.concatenate(after)[int(np.argmin(every))]
+    where = Place(int(fleet.owner[leg]) + 1, time=float(leaves[leg]))
+    free = np.concatenate([np.fmax(over, likely)[timed], lit])
+    spans = np.concatenate([np.stack([times, free], axis=1), rests])
+    waited, when = _waited(fleet, reached, logged, legs, spans)
     note = f"{legs.size:,} slots, at least {pause:g} s after the latest end"
-    value, late = worst if legs.size else 0.0, worst >= -CONSTANTS["same"]
-    if not late:
+    value, holds = worst if legs.size else 0.0, worst >= -CONSTANTS["same"]
+    if not holds:
         note = f"released {-worst:.2f} s too early after line {fleet.lines[leg - 1]}"
-    elif longest > 0.0:
-        row = int(np.argmax(idle[: legs.size] * (of == np.argmax(waited))))
-        value, where = -longest, Place(time=float(times[row]))
-        note = f"no drone flies for {longest:.1f} s longer than slots need"
-    holds = late and longest <= 0.0
+    elif waited > 0.0:
+        value, holds, where = -waited, False, Place(time=when)
+        note = f"no drone flies for {waited:.1f} s longer than slots need"
     return checked("VRF408", holds, value, 0.0, "s", where=where, notes=(note,))
 
 
@@ -200,27 +197,31 @@ def _waited(
     reached: IntArray,
     logged: list[Move],
     legs: IntArray,
-    idle: FloatArray,
-) -> tuple[FloatArray, IntArray]:
-    """By how much missions wait longer than the log before each move, (moves,) [s].
+    spans: FloatArray,
+) -> tuple[float, float]:
+    """By how much missions wait longer than the log before a move, and until when [s].
 
-    They are ``idle`` (m,) [s] before the slots of ``legs`` (m,), holds aside: of one
-    move that is one wait, of any drones. Also returned is the move of each leg, (m,).
+    They wait while no drone needs the time before a slot, holds aside: of one move that
+    is one wait, of any drones. The first of the ``spans``, from when to when time is
+    needed, (n, 2) [s], are those of the slots before ``legs`` (m,).
     """
+    order = np.argsort(spans[:, 0], kind="stable")
+    before, idle = np.maximum.accumulate(spans[order, 1]), np.zeros(len(spans))
+    longer = spans[order[1:], 0] - before[:-1] - 2.0 * CONSTANTS["tick"]
+    idle[order[1:]] = np.maximum(longer, 0.0)
+    idle[legs.size :] = 0.0
     begin = np.array([one.start for one in logged])
     over = np.maximum.accumulate(begin + [m.duration + m.held for m in logged])
     still = np.maximum(begin - over[np.searchsorted(begin, begin) - 1], 0.0)
     ends, rows = np.maximum.accumulate(reached, axis=1), pairwise(fleet.first.tolist())
-    some = [
-        np.searchsorted(one, np.arange(*r)) for one, r in zip(ends, rows, strict=True)
-    ]
+    some = [np.searchsorted(e, np.arange(*r)) for e, r in zip(ends, rows, strict=True)]
     of = np.minimum(np.concatenate(some), still.size - 1)[legs]
     # Waits of the log before a move without a slot are those before the next one.
     slots = np.unique(of)
     still = np.bincount(np.searchsorted(slots, np.arange(still.size)), still)
-    waited = np.full(begin.size, -np.inf)
-    waited[slots] = np.bincount(of, idle)[slots] - still[: slots.size]
-    return waited - CONSTANTS["spin_up"], of
+    waits = np.bincount(of, idle[: legs.size])[slots] - still[: slots.size]
+    longest = float(waits.max(initial=-np.inf)) - CONSTANTS["spin_up"]
+    return longest, float(spans[int(np.argmax(idle)), 0])
 
 
 def boundaries(fleet: FleetLegs, site: pb.Site) -> Iterator[Check]:

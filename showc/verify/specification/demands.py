@@ -201,11 +201,13 @@ class _Walk:
             self.demands.legs += lanes.unproved
             self.demands.times += lanes.times
         elif any(one.timed or one.duration for one in transitions):
-            # It may begin with a wait.
             flies = ~motion.hovers(segment.table.state, show.heading)
-            over = segment.duration - segment.table.end[flies].max(initial=0.0)
-            if flies.any() and over > motion.ON_TIME:
-                text = f"“{name}”: all have arrived {over:.3f} s before its end"
+            idle = segment.duration - segment.table.end[flies].max(initial=0.0)
+            # In a given time it may begin with a wait.
+            if not any(t.at or t.duration or t.prefer != "time" for t in transitions):
+                idle = max(idle, segment.table.start[flies].min(initial=np.inf))
+            if flies.any() and idle > motion.ON_TIME:
+                text = f"“{name}”: no drone flies for {idle:.3f} s at an end of it"
                 self.demands.times.append(text)
         self._place(segment, transitions, flights)
         places = self.fleet if first.group is not None else self.placed[0].places
@@ -412,8 +414,6 @@ class _Walk:
         following = self.logged.segments[self.next : self.next + 1]
         there = any(one.message.name == title and one.holds for one in following)
         moves, last = self.demands.moves, self.demands.moves[-1]
-        # A hold before a given time is as long as is left: missions keep the least.
-        last.held = min(last.held, least) if grows else last.held
         if not moving and least <= 0.0 and not (grows and there):
             if least < 0.0 and not grows:
                 self.demands.legs.append(f"“{name}” lasts {-least:g} s too long")
@@ -426,6 +426,7 @@ class _Walk:
         asked = None if grows else least
         segment = self._leg(kind, title, to, duration=asked, least=least)
         if [one.segment for one in moves].count(last.segment) == 1:
+            # Before a given time it is as long as is left: missions keep the least.
             last.held = least if grows else segment.duration
         if moves_on:
             points = np.array(self.formations[at])
