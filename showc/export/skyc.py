@@ -136,17 +136,20 @@ def archive(entries: Iterable[Entry]) -> bytes:
     return bytes(out + index + b"PK\x05\x06" + end)
 
 
-def entries_of(content: bytes) -> list[tuple[str, bytes]]:
+def entries_of(content: bytes, most: float = float("inf")) -> list[tuple[str, bytes]]:
     """Return names and contents of an archive, in order.
 
     Raises
     ------
     ValueError
-        If it is none that :func:`archive` makes of packed contents.
+        If it is none that :func:`archive` makes of packed contents, or if these have
+        more than ``most`` bytes.
     """
     found, packed = list[tuple[str, bytes]](), list[Entry]()
     try:
         with zipfile.ZipFile(BytesIO(content)) as opened:
+            if sum(one.file_size for one in opened.infolist()) > most:
+                raise ValueError(f"its entries have more than {most:,} bytes")
             for one in opened.infolist():
                 # Behind a head of 30 bytes and the name.
                 begin = one.header_offset + 30 + len(one.filename)

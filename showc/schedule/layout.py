@@ -158,6 +158,7 @@ class _Layout:
             staging,
             tuple(legs),
             self.shift,
+            self.free,
             pause,
             together,
             descent,

@@ -88,6 +88,8 @@ class Timeline:
     shift: float | None
     """Mission time of show time 0, by which slots follow the times that the script asks
     for [s]; None: it asks for none."""
+    free: float
+    """Mission time at which all have flown, and have held what they reached [s]."""
     landing_pause: float
     """Hover between the last arrival and the landing [s]."""
     lands_together: bool
@@ -127,6 +129,9 @@ class Timeline:
         flown = np.concatenate([stage.drones for stage in last.encoding.stages])
         # One that has flown just before needs slack; on the grid of slots.
         until = last.over if waits[flown].any() else last.arrival
+        # Groups that have flown before keep their own slack and holds.
+        others = np.setdiff1d(np.flatnonzero(waits), last.leg.drones)
+        until = max(until, self.free) if others.size else until
         # After a slot of lights alone, the second of this one is still to come.
         until = max(until, last.releases[-1] + CLOCK_LAG + 1.0)
         return np.flatnonzero(waits), ceil(10.0 * until) / 10.0

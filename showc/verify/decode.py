@@ -34,9 +34,8 @@ FORMAT_VERSION = 1  # of the log's content that is known here
 
 CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")  # sizes refused
 
-_PARTS: dict[bytes, Any]
+_PARTS: dict[bytes, Any]  # of an abort table, by their tags
 _PARTS = {b"\x22": pb.AbortRow, b"\x2a": pb.Segment, b"\x32": pb.Trajectory}
-"""Parts of an abort table by their tags."""
 
 _MALFORMED = DecodeError, RecursionError, MemoryError
 

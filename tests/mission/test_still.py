@@ -6,8 +6,11 @@ import pytest
 from mission.flights import formula_flight, rows
 from mission.planted import Case
 
+from showc.fleet import solve_itinerary
+from showc.fleet.options import SolveOptions
 from showc.pipeline.compile import CompileOptions, compile_script
 from showc.plan import build_itinerary
+from showc.progress import Silent
 from showc.script import read_show
 from showc.verify import verify_log
 
@@ -404,3 +407,112 @@ landing: {altitude: 8, hold: 2}
 def test_legs_shorter_than_what_missions_store_end_their_own_moves(tmp_path):
     """Some drones stay, others fly the centimetre that they are rounded to."""
     assert flown(tmp_path, HARDLY).failures() == set()
+
+
+GROUPS = """\
+showc: 1
+drones: 3
+groups: {left: [1], right: [2]}
+pads: {type: grid, columns: 3, rows: 1, step: 6}
+launch: {altitude: 12}
+formations:
+  a: {type: points, points: [[-6, 8, 12]], colour: gold}
+  b: {type: points, points: [[0, 8, 12]], colour: red}
+  all: {type: points, points: [[-6, 4, 16], [0, 4, 16], [6, 4, 16]], colour: blue}
+  above: {type: points, points: [[-6, 0, 12], [0, 0, 12], [6, 0, 12]], colour: blue}
+  a0: {type: points, points: [[-6, 0, 12]], colour: gold}
+transitions:
+  - {to: a, group: left, start: 20, at: 69, hold: 1}
+  - {to: b, group: right, start: 22, at: 30, hold: 40}
+  - {to: all, at: 90, hold: 4, assignment: fixed}
+  - {to: above, at: 110, hold: 4, assignment: fixed}
+  - {to: a, group: left, at: 130, hold: 2}
+  - {to: b, group: right, at: 131, hold: 2}
+  - {to: a0, group: left, at: 150, hold: 2}
+landing: {altitude: 12, assignment: fixed}
+"""
+
+
+@pytest.fixture(scope="module")
+def grouped(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("grouped")
+    script = folder / "grouped.yaml"
+    script.write_text(GROUPS)
+    show = read_show(script.read_bytes()).show
+    flight = solve_itinerary(build_itinerary(show), SolveOptions(), Silent())
+    case = Case(folder, flight)
+    assert case.failures() == set()
+    return case
+
+
+@pytest.mark.parametrize(
+    ("drone", "slot", "by"),
+    [(3, 0, -40), (2, 1, -30)],
+    ids=["of no group", "whose group is to hold for longer"],
+)
+def test_no_drone_leaves_for_the_next_formation_of_all_before_groups_have_flown(
+    grouped, drone, slot, by
+):
+    seconds = [(9, 0)] * 3
+    seconds[drone - 1] = (slot, by)
+    assert "VRF408" in grouped.caught(shifted(grouped, seconds))
+
+
+def test_a_drone_of_no_group_lands_with_the_others(grouped):
+    table = rows(grouped.files["missions/drone_0003.waypoints"])
+    slots = sum(row[3:5] == [93, -1] for row in table)
+    early = shifted(grouped, [(9, 0), (9, 0), (slots - 1, -30)])
+    assert "VRF408" in grouped.caught(early)
+
+
+GIVING_WAY = """\
+showc: 1
+drones: 4
+groups: {left: [1, 2]}
+pads: {type: grid, columns: 2, rows: 2, step: 3}
+launch: {altitude: 6}
+formations:
+  up: {type: line, count: 2, length: 3, centre: [0, 6, 6]}
+transitions:
+  - {to: up, group: left, hold: 2}
+landing: {altitude: 6}
+"""
+
+
+def test_drones_of_no_group_may_make_way_and_come_back(tmp_path):
+    script, log = tmp_path / "way.yaml", tmp_path / "way.mcap"
+    script.write_text(GIVING_WAY)
+    compile_script(script, log, CompileOptions())
+    table = rows((tmp_path / "way/missions/drone_0003.waypoints").read_bytes())
+    assert sum(row[3] == 16 for row in table) > 3
+    found = verify_log(log)
+    assert found.proved, found.verdict
+
+
+ONE_BY_ONE = """\
+showc: 1
+drones: 3
+mission: {slack: 5}
+groups: {left: [1], right: [2]}
+pads: {type: grid, columns: 3, rows: 1, step: 5}
+launch: {altitude: 5}
+formations:
+  b: {type: points, points: [[-5, 6, 5]]}
+  a: {type: points, points: [[-5, 0, 5]]}
+  c: {type: points, points: [[0, 0, 5]]}
+  c2: {type: points, points: [[0, 0, 5.1]]}
+transitions:
+  - {to: b, group: left, at: 40, hold: 1}
+  - {to: c2, group: right, at: 41, hold: 1}
+  - {to: a, group: left, at: 60, hold: 1}
+  - {to: c, group: right, at: 61, hold: 1}
+landing: {altitude: 5}
+"""
+
+
+def test_groups_that_end_above_their_pads_keep_their_slack(tmp_path):
+    script, log = tmp_path / "one.yaml", tmp_path / "one.mcap"
+    script.write_text(ONE_BY_ONE)
+    compile_script(script, log, CompileOptions())
+    found = verify_log(log)
+    assert found.proved, found.verdict

@@ -85,7 +85,7 @@ def visits(
         places = np.concatenate([fleet.begin[[first]], fleet.end[first:end]])
         visited, off = _visits(places, stops[drone, own])
         found[drone, own[1 : len(visited)] - 1] = np.array(visited[1:]) + first - 1
-        extra = np.diff(visited) - KNOWN["most_legs"]
+        extra = np.diff(visited) - KNOWN["most_legs"] * np.diff(own[: len(visited)])
         extra[:1] += 1  # a launch is a take-off and a climb
         if visited[:1] != [0]:
             wrong = "no item flies to the pad in its turn"
@@ -112,19 +112,23 @@ def visits(
 def _visits(places: FloatArray, stops: FloatArray) -> tuple[list[int], float]:
     """Which of ``places`` (n, 3) [m] are stops (m, 3), in order, up to one that is not.
 
-    Also returns how far off the worst is, over what the format stores.
+    Also returns how far off the worst is, over what the format stores. A drone that
+    makes way, and is back before it flies to another stop, stops when it is back.
     """
     found, worst = [0], 0.0
-    for stop in stops:
-        off = np.abs(places[found[-1] :] - stop) / KNOWN["place"]
-        ratio = off.max(axis=1)
-        fits = np.flatnonzero(ratio <= 1.0)
+    every = np.abs(places - stops[:, None]) / KNOWN["place"]
+    ratios = every.max(axis=2)
+    for off, ratio, other in zip(every, ratios, [*ratios[1:], None], strict=True):
+        fits = np.flatnonzero(ratio[found[-1] :] <= 1.0) + found[-1]
         if not fits.size:
-            return found[1:], float(ratio.min(initial=np.inf))
-        # Legs may be shorter than the resolution: of two that fit, the nearer is meant.
+            return found[1:], float(ratio[found[-1] :].min(initial=np.inf))
         first = int(fits[0])
+        until = first + (0 if other is None else int(np.argmax(other[first:] <= 1.0)))
+        back = fits[(np.diff(fits, prepend=first - 2) > 1) & (fits < until)]
+        first = int(back[-1]) if back.size else first
+        # Legs may be shorter than the resolution: of two that fit, the nearer is meant.
         first += first + 1 in fits and off[first + 1].sum() < off[first].sum()
-        found.append(found[-1] + first)
+        found.append(first)
         worst = max(worst, float(ratio[first]))
     return found[1:], worst
 
@@ -152,9 +156,7 @@ def _check_slots(
     spare, after = [times - over[legs - 1]], [legs]
     done, rests = climbed.copy(), [(-np.inf, float(climbed.max()))]
     # A move that no drone flies takes what is waited after each, or as in the log.
-    at, aside, arrived = climb - 1, 0.0, 0.0
-    least = float((latest - flights.duration).max())
-    # No slot follows the last move.
+    at, aside, arrived, least = climb - 1, 0.0, 0.0, (latest - flights.duration).max()
     for number, move in enumerate(logged[:-1]):
         if number and move.segment != logged[number - 1].segment:
             done[:] = done.max()
