@@ -20,7 +20,7 @@ from mcap.reader import make_reader
 from showc.errors import DamagedFileError, UsageError
 from showc.files import flush, open_file, stage_for, unwritable
 from showc.log.chunks import ChunkWriter
-from showc.log.facts import media_type, names
+from showc.log.facts import media_type, named_digest
 from showc.log.schema import ADDITIONS
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _write(
     kept = {
         one.name: one.data
         for one in make_reader(source).iter_attachments()
-        if one.name in ADDITIONS and names(one.name, one.data) == digest
+        if one.name in ADDITIONS and named_digest(one.name, one.data) == digest
     }
     time = summary.attachment_indexes[0].log_time
     writer = ChunkWriter(target, _BLOCK)

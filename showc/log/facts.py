@@ -174,7 +174,7 @@ def rules_of(
     )
 
 
-def names(name: str, content: bytes) -> str:
+def named_digest(name: str, content: bytes) -> str:
     """Return the digest of the log that an addition names; empty where it is none.
 
     Parameters

@@ -20,7 +20,7 @@ from showc.flight import MeshTaken, Trajectory
 from showc.log import schema
 from showc.log import showc_pb2 as pb
 from showc.log.container import open_log
-from showc.log.facts import names
+from showc.log.facts import named_digest
 from showc.log.records import Damage
 from showc.log.sample import NANOSECONDS, PLACE, POINT, nanoseconds
 from showc.trajectory import PiecewisePolynomial, concatenate
@@ -269,7 +269,7 @@ def _show(log: LogFile, gap: float) -> LoggedShow:
         predicted=predicted[1],
         attachments=attachments,
         metadata=metadata,
-        added={k: one for k, one in added.items() if names(k, one) == digest},
+        added={k: one for k, one in added.items() if named_digest(k, one) == digest},
     )
 
 

@@ -26,14 +26,14 @@ def landings_meet(
     leg
         The last leg, to above the pads.
     land
-        The landing, straight down from its ends.
+        The landing of the whole fleet, straight down from its ends.
     pause
         For how long each drone hovers before it sinks [s].
     around
         How near drones may come, and how surely legs are flown on time.
     """
     timing, separation = around.timing, around.separation
-    sinks = np.full(int(land.drones.max()) + 1, np.inf)
+    sinks = np.full(land.drones.size, np.inf)
     spreads = [timing.spread(stage.profile.speed) for _, stage in leg.flown]
     ends = []
     for (release, stage), spread in zip(leg.flown, spreads, strict=True):
@@ -45,10 +45,9 @@ def landings_meet(
         # All clocks are late alike, but for how late that is.
         sinks[stage.drones] = early + pause - CLOCK_LAG
         ends.append(late + CLOCK_LAG)
-    first = {drone: row for row, drone in enumerate(land.drones.tolist())}
     last = max(float(late.max(initial=-np.inf)) for late in ends)
     for drone in np.flatnonzero(sinks < last).tolist():
-        foot, pad = land.begin[first[drone]], land.end[first[drone]]
+        foot, pad = land.begin[drone], land.end[drone]
         for (release, stage), spread, over in zip(
             leg.flown, spreads, ends, strict=True
         ):

@@ -1,6 +1,7 @@
 """What ``showc verify`` found, in the formats of CI servers and code scanning."""
 
 import json
+import shutil
 
 import pytest
 import yaml
@@ -58,6 +59,17 @@ def test_junit_has_a_failure_for_every_fault(close):
     (case,) = suite
     assert run.return_value == 1
     assert sorted(one.type for one in case.result) == sorted(c["code"] for c in faults)
+
+
+def test_no_name_writes_a_line_of_its_own_in_junit(close, tmp_path):
+    """Machines of CI take lines that begin with two colons for commands."""
+    odd = tmp_path / "a\n::error::forged\x1b[31m"
+    shutil.copytree(close, odd)
+    run = said(odd, "junit")
+    assert run.return_value == 1, run.output
+    assert JUnitXml.fromstring(run.output.encode())
+    assert not any(line.startswith("::") for line in run.output.splitlines())
+    assert "\x1b" not in run.output
 
 
 def test_annotations_stand_at_the_file(close):

@@ -18,7 +18,7 @@ from showc.cli.verify import command as verify
 from showc.errors import UsageError
 from showc.export.asked import show_with_exports
 from showc.export.beside import verify_beside
-from showc.export.skyc import Entry, archive
+from showc.export.skyc import Entry, archive, entries_of
 from showc.export.solved import solved_show
 from showc.export.stage import ExportOptions, export, refuse_foreign
 from showc.foreign.folder import verify_export
@@ -369,3 +369,12 @@ def test_an_export_keeps_what_is_left_once_drones_have_strayed(tmp_path):
     manifest = json.loads((tmp_path / "show-skyc" / "export.json").read_text())
     assert manifest["rules"]["separation"]["distance"] == pytest.approx(3.8)
     assert manifest["rules"]["separation_flown"] == pytest.approx(3.8)
+
+
+def test_an_archive_is_not_unpacked_beyond_what_is_wanted():
+    packed = archive([Entry.of("one", bytes(1_000_000)), Entry.of("two", b"2")])
+    assert len(packed) < 10_000
+    assert [len(content) for _, content in entries_of(packed)] == [1_000_000, 1]
+    assert entries_of(packed, 1_000_001)
+    with pytest.raises(ValueError, match="more than 1,000,000 bytes"):
+        entries_of(packed, 1_000_000)

@@ -37,6 +37,14 @@ def flown(folder, script):
     return Case(folder, flight)
 
 
+def verified(folder, text):
+    """Compile a script, and verify its log with the missions beside it."""
+    script, log = folder / "show.yaml", folder / "show.mcap"
+    script.write_text(text)
+    compile_script(script, log, CompileOptions())
+    return verify_log(log)
+
+
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
     return flown(tmp_path_factory.mktemp("still"), SCRIPT)
@@ -103,10 +111,7 @@ formations:
 transitions:{STAYING[case]}
 landing: {{altitude: 12, hold: 0}}
 """
-    script = tmp_path / "stay.yaml"
-    script.write_text(text)
-    compile_script(script, tmp_path / "stay.mcap", CompileOptions())
-    found = verify_log(tmp_path / "stay.mcap")
+    found = verified(tmp_path, text)
     assert found.proved, found.verdict
 
 
@@ -133,13 +138,10 @@ mission: {light_servos: [9, 10, 11]}
 
 def test_a_drone_changes_its_lights_on_legs_of_its_own(tmp_path):
     """The other one flies to another layer first: that is no leg of this drone's."""
-    script, log = tmp_path / "layered.yaml", tmp_path / "layered.mcap"
-    script.write_text(LAYERED)
-    compile_script(script, log, CompileOptions())
-    manifest = json.loads(log.with_suffix("").joinpath("manifest.json").read_bytes())
+    found = verified(tmp_path, LAYERED)
+    manifest = json.loads((tmp_path / "show/manifest.json").read_bytes())
     encodings = [leg["encoding"] for leg in manifest["missions"]["prediction"]["legs"]]
     assert "2 layers" in encodings
-    found = verify_log(log)
     assert found.proved, found.verdict
 
 
@@ -161,10 +163,7 @@ landing: {altitude: 2.5, hold: 1, assignment: fixed}
 
 def test_a_drone_does_not_sink_beside_one_that_still_comes_too_near(tmp_path):
     """It would be on the ground seconds before the other is above its pad."""
-    script, log = tmp_path / "narrow.yaml", tmp_path / "narrow.mcap"
-    script.write_text(NARROW)
-    compile_script(script, log, CompileOptions())
-    found = verify_log(log)
+    found = verified(tmp_path, NARROW)
     assert found.proved, found.verdict
 
 
@@ -435,12 +434,9 @@ landing: {altitude: 12, assignment: fixed}
 
 @pytest.fixture(scope="module")
 def grouped(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("grouped")
-    script = folder / "grouped.yaml"
-    script.write_text(GROUPS)
-    show = read_show(script.read_bytes()).show
-    flight = solve_itinerary(build_itinerary(show), SolveOptions(), Silent())
-    case = Case(folder, flight)
+    itinerary = build_itinerary(read_show(GROUPS.encode()).show)
+    flight = solve_itinerary(itinerary, SolveOptions(), Silent())
+    case = Case(tmp_path_factory.mktemp("grouped"), flight)
     assert case.failures() == set()
     return case
 
@@ -480,12 +476,9 @@ landing: {altitude: 6}
 
 
 def test_drones_of_no_group_may_make_way_and_come_back(tmp_path):
-    script, log = tmp_path / "way.yaml", tmp_path / "way.mcap"
-    script.write_text(GIVING_WAY)
-    compile_script(script, log, CompileOptions())
-    table = rows((tmp_path / "way/missions/drone_0003.waypoints").read_bytes())
+    found = verified(tmp_path, GIVING_WAY)
+    table = rows((tmp_path / "show/missions/drone_0003.waypoints").read_bytes())
     assert sum(row[3] == 16 for row in table) > 3
-    found = verify_log(log)
     assert found.proved, found.verdict
 
 
@@ -511,8 +504,5 @@ landing: {altitude: 5}
 
 
 def test_groups_that_end_above_their_pads_keep_their_slack(tmp_path):
-    script, log = tmp_path / "one.yaml", tmp_path / "one.mcap"
-    script.write_text(ONE_BY_ONE)
-    compile_script(script, log, CompileOptions())
-    found = verify_log(log)
+    found = verified(tmp_path, ONE_BY_ONE)
     assert found.proved, found.verdict

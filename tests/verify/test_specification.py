@@ -124,32 +124,42 @@ def test_arrivals_are_held_to_ten_milliseconds(compiled):
     assert len(times(70.11)) == 1
 
 
-def test_a_move_in_a_given_time_is_flown_until_it_is_over(compiled):
-    """All hover where they are to be before the time has come."""
+def standing(compiled, leg, *, late, **asked):
+    """Times that are wrong if all stand at one end of a leg while they should fly.
+
+    ``asked`` is what the script says otherwise of the last transition.
+    """
     _, logged = loaded(compiled / "output.mcap")
-    segments = list(logged.segments)
-    move = segments[LEGS["four"]]
+    show = load_show(compiled / "groups.yaml").show
+    changed = (*show.transitions[:-1], replace(show.transitions[-1], **asked))
+    show, segments = replace(show, transitions=changed), list(logged.segments)
+    assert hold_against(show, logged).times == []
+    move = segments[LEGS[leg]]
     table = move.table
     state = table.state.copy()
-    state[table.first[1:] - 1] = move.ends()[1][:, None]
-    segments[LEGS["four"]] = replace(move, table=replace(table, state=state))
-    show = load_show(compiled / "groups.yaml").show
-    assert hold_against(show, logged).times == []
-    (wrong,) = hold_against(show, replace(logged, segments=tuple(segments))).times
+    rows = table.first[1:] - 1 if late else table.first[:-1]
+    state[rows] = move.ends()[int(late)][:, None]
+    segments[LEGS[leg]] = replace(move, table=replace(table, state=state))
+    return hold_against(show, replace(logged, segments=tuple(segments))).times
+
+
+def test_a_move_in_a_given_time_is_flown_until_it_is_over(compiled):
+    """All hover where they are to be before the time has come."""
+    (wrong,) = standing(compiled, "four", late=True)
     assert "no drone flies" in wrong
 
 
 def test_a_move_in_a_given_time_may_begin_with_a_wait(compiled):
     """As where nothing is found in the time that the script gives."""
+    assert standing(compiled, "four", late=False) == []
+
+
+def test_a_move_that_is_to_leave_at_a_time_does_not_wait(compiled):
     _, logged = loaded(compiled / "output.mcap")
-    segments = list(logged.segments)
-    move = segments[LEGS["four"]]
-    table = move.table
-    state = table.state.copy()
-    state[table.first[:-1]] = move.ends()[0][:, None]
-    segments[LEGS["four"]] = replace(move, table=replace(table, state=state))
-    show = load_show(compiled / "groups.yaml").show
-    assert hold_against(show, replace(logged, segments=tuple(segments))).times == []
+    start = logged.segments[LEGS["fixed"]].start
+    asked = {"at": None, "start": start, "prefer": "time"}
+    (wrong,) = standing(compiled, "fixed", late=False, **asked)
+    assert "no drone flies" in wrong
 
 
 def test_a_hold_before_a_given_time_may_grow_but_not_shrink(compiled):

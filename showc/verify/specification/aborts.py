@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.log import showc_pb2 as pb
-from showc.log.facts import names
+from showc.log.facts import named_digest
 from showc.log.schema import WIND_NAME, message_of
 from showc.script.fence import inside_polygon
 from showc.verify.decode import read_aborts
@@ -60,7 +60,7 @@ def bound_to(log: LogFile, added: list[str]) -> Check:
     """Hold each thing that was ``added`` against the log that it names, and follows."""
     begin = min(one.position for one in log.attachments if one.name in added)
     behind, wanted = all(c.span[1] <= begin for c in log.chunks), log.before(added)
-    named = {one: names(one, log.attachment(one) or b"") for one in added}
+    named = {one: named_digest(one, log.attachment(one) or b"") for one in added}
     other = [one for one in added if named[one] != wanted or not behind]
     found = agreement("VRF108", (f"{name!r} is of another log" for name in other))
     note = "simulated flights are an estimate: nothing of them is proved"

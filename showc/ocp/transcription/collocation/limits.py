@@ -210,8 +210,7 @@ def _row_bounds(
             margin = margins[group.interval] * table.path_scale(phase, group.name)
             margin = np.minimum(margin, _TIGHTEST * (bounds[1] - bounds[0]))
             equation = bounds[0] == bounds[1]
-            low = bounds[0] + (0.0 if equation else margin)
-            high = bounds[1] - (0.0 if equation else margin)
+            low, high = bounds[0] + margin, bounds[1] - margin
             held = np.array(
                 mesh.phases[group.phase].path_held.get(group.name, (0,) * margins.size)
             )[group.interval]
