@@ -36,7 +36,7 @@ MAY_IMPORT = {
     | {"vehicle", "script", "plan", "flight", "geodesy", "autopilot"},
     "mission": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "light", "geodesy", "autopilot"}
-    | {"schedule"},
+    | {"schedule", "log.facts"},
     # Which rows a mission may have is known to the verification; nothing else of it.
     "vehicle_link": FOUNDATION
     | {"vehicle", "script", "plan", "flight", "light", "log", "mission", "view"}
@@ -84,7 +84,7 @@ ROOMS_OF_VERIFY = {
     | {"light", "log.showc_pb2", "log.facts", "log.schema", "log.container"},
     # What missions must be follows from the script, and so do their lights.
     "verify/missions": {"verify", "codes", "documents", "errors", "files"}
-    | {"script", "light", "log.showc_pb2", "log.container", "log.schema"},
+    | {"script", "light", "log.showc_pb2", "log.container", "log.facts", "log.schema"},
     "verify/samples.py": {"verify", "documents", "script", "light"}
     | {"log.scene", "log.sample", "log.schema", "log.container"},
     "verify": {

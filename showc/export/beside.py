@@ -120,21 +120,21 @@ def _one(folder: Path, wish: Export, solved: SolvedShow, digest: str) -> list[Ch
             kept_apart(solved, wish.separation),
         )
         rules = rules_of(solved, again.position_error, again.speed_error)
+        written = None if wish.to in MAPS else read_foreign(folder)
+        if written is not None and written.drones != solved.drones:
+            note = f"it has {written.drones} flights, the log {solved.drones}"
+            return [*checks, _check("VRF584", "flights of the log", where, [note])]
         proved = prove(folder, wish.to, [rules], flown)
         source = {"data_sha256": digest}
         asked = described(solved, source, wish.to, again, rules_to_json(rules, flown))
         wrong = [*_unlike(folder, again.files), *_said(folder, asked, proved)]
         checks.append(_check("VRF583", "export of this log", where, wrong))
-        if wish.to in MAPS:
+        if written is None:
             return checks + proved
-        written = read_foreign(folder)
     except DamagedFileError as error:
         return list(damaged(folder, error).checks)
     except UsageError as error:
         return [_check("VRF583", "export of this log", where, [str(error)])]
-    if written.drones != solved.drones:
-        note = f"it has {written.drones} flights, the log {solved.drones}"
-        return [*checks, _check("VRF584", "flights of the log", where, [note])]
     followed = slowed(solved, lead) if wish.to in WAITING else solved
     fit = error_of(tracks_of(followed), written.tracks, lead - followed.early)
     limit = max(wish.tolerance, SAMPLED.get(wish.to, 0.0))

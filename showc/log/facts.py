@@ -81,6 +81,16 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def fleet_token(files: Mapping[str, bytes]) -> str:
+    """Return the SHA-256 over names and bytes of all ``.waypoints`` files, sorted."""
+    digest = hashlib.sha256()
+    for name in sorted(files):
+        if name.endswith(".waypoints"):
+            digest.update(name.encode())
+            digest.update(hashlib.sha256(files[name]).digest())
+    return digest.hexdigest()
+
+
 def media_type(name: str) -> str:
     """Type of an attachment by its suffix; others are plain bytes."""
     return _MEDIA.get(PurePath(name).suffix.lower(), "application/octet-stream")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from hashlib import sha256
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,6 +12,7 @@ from showc.autopilot.stage import StageBuilder
 from showc.autopilot.timing import ARMED_IN_TIME
 from showc.errors import ExportError
 from showc.geodesy import SiteFrame
+from showc.log.facts import fleet_token
 from showc.mission.clock import MissionClock
 from showc.mission.encode import Encoder, lights_left_out
 from showc.mission.items import check_budget, waypoint_file
@@ -169,16 +169,6 @@ def items_of(
     return missions
 
 
-def fleet_token(files: dict[str, bytes]) -> str:
-    """Return the SHA-256 over names and bytes of all ``.waypoints`` files, sorted."""
-    digest = sha256()
-    for name in sorted(files):
-        if name.endswith(".waypoints"):
-            digest.update(name.encode())
-            digest.update(sha256(files[name]).digest())
-    return digest.hexdigest()
-
-
 def _plans(
     show: Show,
     missions: list[Mission],
@@ -276,4 +266,4 @@ def cue_notes(timeline: Timeline, music: Music | None) -> list[str]:
     return found
 
 
-__all__ = ["ExportError", "MissionSet", "drone_name", "fleet_token", "mission_files"]
+__all__ = ["ExportError", "MissionSet", "drone_name", "mission_files"]

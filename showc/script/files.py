@@ -40,6 +40,8 @@ MESH_BYTES = 6 * _MEGABYTE
 """Largest file with any other ending, which is a model's [bytes]."""
 TOTAL_BYTES = 64 * _MEGABYTE
 """All files of one script together [bytes]."""
+TAKEN = {"manifest.json", "layout.json", "showc:abort.pb", "showc:wind.json"}
+"""What a log has attached itself, beside the script and its files."""
 
 
 class InputFiles:
@@ -86,6 +88,13 @@ class InputFiles:
         """
         if name in self.contents:
             return self.contents[name]
+        if name in TAKEN:
+            raise ScriptError(
+                "SHW109",
+                f"`{name}` cannot be read: the log has a file of its own of this name",
+                key=key,
+                help_text="give the file another name",
+            )
         path = self._folder / name
         most = MOST_BYTES.get(PurePath(name).suffix.lower(), MESH_BYTES)
         try:

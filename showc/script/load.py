@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from showc.files import OutsideFolderError, UnreadableFileError, inside, read_file
 from showc.processes import OutOfTimeError, processor_time
 from showc.script.diagnostic import Diagnostic, Severity, Suppressed, position
-from showc.script.files import InputFiles
+from showc.script.files import TAKEN, InputFiles
 from showc.script.language.document import (
     MAX_BYTES,
     MAX_FOUND,
@@ -175,6 +175,9 @@ def _read(content: bytes, path: str, files: InputFiles) -> LoadResult:
     start = Mark(path, 1, 1, 1, 1 + len(text.split("\n", 1)[0].rstrip("\r")))
     show, more = _build(root, start, Source(path, content), files)
     found += more
+    if (name := PurePath(path).name) in TAKEN:
+        text = f"a script cannot be called `{name}`: its log has a file of its own of "
+        found.append(Diagnostic("SHW109", f"{text}this name", start, help="rename it"))
     kept, suppressed = apply_suppressions(text, path, found)
     kept = _bounded(kept, path)
     wrong = any(item.severity is Severity.ERROR for item in kept)

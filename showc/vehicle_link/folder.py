@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from showc.errors import UsageError
 from showc.files import UnreadableFileError, inside, read_file
-from showc.mission.fleet import fleet_token
+from showc.log.facts import fleet_token
 from showc.vehicle_link.wire import WireItem, parse_parameters, parse_waypoints
 from showc.verify.missions.language import MissionFormatError, read_mission
 

@@ -54,10 +54,8 @@ def check_schemas(log: LogFile) -> Check:
         wanted = message_type(channel.topic)
         name = "nothing" if wanted is None else wanted.DESCRIPTOR.full_name
         if wanted is None or schema[1:] != (name, "protobuf", descriptor_set(wanted)):
-            bad.append(
-                f"{channel.topic} has {schema.name}, not {name} as this release of "
-                "showc defines it; verify with the one that compiled the show"
-            )
+            text = f"{channel.topic} has {schema.name}, not {name} as this release of "
+            bad.append(f"{text}showc has it; verify with the one that compiled it")
         if channel.encoding != "protobuf" or channel.metadata:
             bad.append(f"{channel.topic}: the channel says more, or another encoding")
     used = {channel.schema for channel in log.channels.values()}
@@ -135,12 +133,10 @@ def _rules(log: LogFile) -> tuple[pb.Rules, int]:
     version, steps = rules.format_version, rules.duration * rules.log_rate
     known = version == FORMAT_VERSION and 1 <= rules.drones <= CAPS["drones"]
     if not (known and 0.0 <= steps <= CAPS["samples"]):
-        raise Damage(
-            found[0].offset,
-            f"the log has format version {version}, {rules.drones:,} drones and "
-            f"{steps:g} samples of each; known are version {FORMAT_VERSION}, up to "
-            f"{CAPS['drones']:,} drones and {CAPS['samples']:,} samples",
-        )
+        text = f"format version {version}, {rules.drones:,} drones, {steps:g} samples "
+        text += f"of each: known are version {FORMAT_VERSION}, up to {CAPS['drones']:,}"
+        text += f" drones and {CAPS['samples']:,} samples"
+        raise Damage(found[0].offset, text)
     return rules, found[0].time
 
 

@@ -9,9 +9,9 @@ from collections import Counter
 from synthetic import decoded
 
 from showc.log.container import open_log
+from showc.log.facts import fleet_token
 from showc.log.writer import write_log
 from showc.mission import mission_files
-from showc.mission.fleet import fleet_token
 from showc.pipeline.compile import build_manifest
 from showc.verify.missions.folder import Missions
 from showc.verify.samples import Samples, join

@@ -13,8 +13,8 @@ from synthetic import gliding_flight
 from showc.errors import ExportError, UsageError
 from showc.flight import Flight
 from showc.geodesy import SiteFrame
+from showc.log.facts import fleet_token
 from showc.mission import mission_files
-from showc.mission.fleet import fleet_token
 from showc.plan.itinerary import Itinerary
 from showc.script.show import Effect, MissionOptions
 

@@ -161,6 +161,30 @@ landing: {altitude: 2.5, hold: 1, assignment: fixed}
 """
 
 
+TWICE = """\
+showc: 1
+drones: 4
+groups: {pair: 1-2}
+pads: {type: grid, columns: 2, rows: 2, step: 3}
+launch: {altitude: 6}
+formations:
+  ahead: {type: line, count: 2, length: 3, centre: [0, 6, 6]}
+  behind: {type: line, count: 2, length: 3, centre: [0, -6, 6]}
+transitions:
+  - {to: ahead, group: pair, hold: 2}
+  - {to: behind, group: pair, hold: 2}
+landing: {altitude: 6}
+"""
+
+
+def test_drones_that_make_way_in_one_of_several_moves_are_proved(tmp_path):
+    """Of several moves that a drone stays out of, its way is of one: by the time."""
+    found = verified(tmp_path, TWICE)
+    assert found.failures() == set() and found.missions == "proved"
+    away = rows((tmp_path / "show/missions/drone_0003.waypoints").read_bytes())
+    assert len({tuple(row[8:10]) for row in away if row[3] == 16}) > 1
+
+
 def test_a_drone_does_not_sink_beside_one_that_still_comes_too_near(tmp_path):
     """It would be on the ground seconds before the other is above its pad."""
     found = verified(tmp_path, NARROW)

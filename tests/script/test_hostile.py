@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from confined import run_confined
 
+from showc.log.schema import ADDITIONS, LAYOUT_NAME, MANIFEST_NAME
 from showc.script import load_show
 
 
@@ -335,6 +336,18 @@ def test_a_parking_takes_as_many_places_as_drones_wait(tmp_path):
     result = load_show(tmp_path / "show.yaml", allow_outside=True)
     assert result.errors == ()
     assert len(result.show.formations["parking"].points) == 7
+
+
+@pytest.mark.parametrize("name", [MANIFEST_NAME, LAYOUT_NAME, *ADDITIONS])
+def test_names_that_logs_have_for_their_own_files_are_refused(name, tmp_path):
+    (tmp_path / name).write_text(show("{type: csv, file: a.csv}"))
+    (tmp_path / "show.yaml").write_text(show(f"{{type: csv, file: '{name}'}}"))
+    (tmp_path / "a.csv").write_text("0,0,9\n4,0,9\n")
+    for script in (name, "show.yaml"):
+        found, ended, _ = checked(tmp_path, script)
+        assert ended == 1
+        (wrong,) = [one for one in found if one["code"] == "SHW109"]
+        assert "a file of its own of this name" in wrong["summary"]
 
 
 @pytest.mark.parametrize("what", ["/dev/zero", "pipe", "folder"])

@@ -431,3 +431,15 @@ def test_what_a_planner_accepts_is_proved_however_its_attitude_errs():
     assert verdicts[0] == (True, True)
     assert verdicts[-1] == (False, False)
     assert (True, False) not in verdicts
+
+
+def test_an_interval_longer_than_a_window_is_taken_in_windows():
+    """What is left out grows with the square of the time without feedback."""
+    for length, most in ((WINDOW, 3e-5), (10.0 * WINDOW, 6e-5)):
+        state, control = np.zeros((1, 2, 12)), np.zeros((1, 1, 4))
+        state[0, 1, 0], state[0, :, 3] = 0.5 * length, 0.5
+        control[0, 0, 0] = VEHICLE.mass * (VEHICLE.gravity + 1e-7)
+        ends = np.array([0.0]), np.array([length])
+        table = PieceTable(np.array([0]), np.array([0, 1]), *ends, state, control)
+        segment = Segment(pb.Segment(duration=length), table, np.zeros((1, 3)))
+        assert 1e-5 < radius(segment, VEHICLE)[0, 2] < most

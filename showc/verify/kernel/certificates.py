@@ -337,11 +337,8 @@ def _off(show: LoggedShow, segment: Segment, nearest: Encounter) -> float:
     """How far a claimed distance is off the closest, and off the one then [m]."""
     closest = segment.message.certificate.closest
     pair = np.array([closest.drone_a, closest.drone_b])
-    if (
-        pair[0] == pair[1]
-        or pair.max() >= show.drones
-        or not 0.0 <= closest.time <= segment.duration + 1e-9
-    ):
+    known = pair[0] != pair[1] and pair.max() < show.drones
+    if not (known and 0.0 <= closest.time <= segment.duration + 1e-9):
         return np.inf
     time = np.full(2, segment.start + closest.time)
     tracks = Tracks.of(segment)

@@ -17,11 +17,11 @@ into squared rotor speeds, clipped to [0, greatest squared speed] and turned bac
 **Theorem.** Let a drone fly these controls from the first logged state of a window.
 Then at every instant of the window each of its twelve states differs from the logged
 polynomials by no more than :func:`radius` says, jumps of the polynomials included. The
-first window of a segment begins with it, the next with the first mesh interval after
-each :data:`WINDOW`: what is flown without feedback for longer leaves any path. So do
-windows with each interval in which it hovers, and with the one after: there it waits.
-Of all windows in each :data:`WINDOW` radii add up; jumps between windows add up over
-the whole segment.
+first window of a segment begins with it, the next with the first mesh interval, or part
+of a longer one, after each :data:`WINDOW`: what is flown without feedback for longer
+leaves any path. So do windows with each interval in which it hovers, and with the one
+after: there it waits. Of all windows in each :data:`WINDOW` radii add up; jumps between
+windows add up over the whole segment.
 
 Proof. Write ~ for what is logged, e for flown minus logged, T for the window's time.
 
@@ -179,7 +179,12 @@ def radius(segment: Segment, vehicle: Vehicle) -> FloatArray:
     found = np.full((segment.goals.shape[0], 12), np.inf)
     # What overflows is infinite or undefined, and then nothing is proved.
     with np.errstate(all="ignore"):
-        for part in segment.table.parts(_AT_ONCE):
+        table = segment.table
+        # Each half of an interval that is longer than a window is taken as one.
+        for _ in range(_HALVINGS):
+            beyond = table.end - table.start > WINDOW
+            table = _halved(table, beyond) if beyond.any() else table
+        for part in table.parts(_AT_ONCE):
             # A window is taken as a drone of its own is.
             of_drone = np.isin(np.arange(part.start.size), part.first[:-1])
             late = np.diff(part.start // WINDOW, prepend=0.0) != 0.0

@@ -249,10 +249,8 @@ def take(positions: Tracks, low: float, high: float, measure: Measure) -> Slice:
     row = np.arange(last[-1] + 1) + np.repeat(rows[0] - first, count)
     hull = positions.between(row, np.full(row.size, low), np.full(row.size, high))
     begin, end = hull[first, 0], hull[last, -1]
-    since, until = (
-        np.clip((times[row] - low) / (high - low), 0.0, 1.0)
-        for times in (positions.starts, positions.ends)
-    )
+    spans = positions.starts[row], positions.ends[row]
+    since, until = (np.clip((at - low) / (high - low), 0.0, 1.0) for at in spans)
     since[first], until[last] = 0.0, 1.0
     # The chord has coefficients at even steps of each row's own time.
     share = np.linspace(since, until, hull.shape[1], axis=1)[:, :, None]

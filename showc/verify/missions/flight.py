@@ -42,12 +42,13 @@ def check_flight(
     script: Show,
     logged: list[Move],
 ) -> list[Check]:
-    """Prove what ArduCopter will make of a fleet's missions.
+    """Prove what ArduCopter will make of a fleet's missions, as ``described`` there.
 
-    ``described`` is what the manifest says of them; they are to fly the moves
-    ``logged``, with the slack that the script asks for after the latest end of a leg.
+    They fly ``logged`` moves, with the script's slack after the latest end of a leg.
     """
     reached, ends = visits(fleet, show, logged)
+    if ends.verdict == "fail":  # what drones fly instead is no matter of the show
+        return [ends]
     own = any(one.message.kind == pb.Segment.APPROACH for one in show.segments)
     wanted = show.rules.separation
     apart = {
@@ -78,12 +79,11 @@ def visits(
     stops[:, 0] = show.segments[0].ends()[0][:, :3]
     for number, move in enumerate(logged, 1):
         stops[move.drones, number] = move.goals
+    begun = _begun(fleet, stops)
     # A landing flies level to above its pad first, where it begins beside it.
     worst, where, wrong, aside = 0.0, 0, "", 2.0 * KNOWN["place"][0]
     for drone, (first, end) in enumerate(pairwise(fleet.first.tolist())):
-        own = np.flatnonzero(np.isfinite(stops[drone, :, 0]))
-        places = np.concatenate([fleet.begin[[first]], fleet.end[first:end]])
-        visited, off = _visits(places, stops[drone, own])
+        own, visited, off = _visits(fleet, stops, drone, begun)
         found[drone, own[1 : len(visited)] - 1] = np.array(visited[1:]) + first - 1
         extra = np.diff(visited) - KNOWN["most_legs"] * np.diff(own[: len(visited)])
         extra[:1] += 1  # a launch is a take-off and a climb
@@ -109,28 +109,53 @@ def visits(
     return found, checked(*facts, where=Place(where + 1), notes=(note,))
 
 
-def _visits(places: FloatArray, stops: FloatArray) -> tuple[list[int], float]:
-    """Which of ``places`` (n, 3) [m] are stops (m, 3), in order, up to one that is not.
+def _begun(fleet: FleetLegs, stops: FloatArray) -> FloatArray:
+    """When drones first leave for each of their ``stops``; of none, for the next [s].
 
-    Also returns how far off the worst is, over what the format stores. A drone that
-    makes way, and is back before it flies to another stop, stops when it is back.
+    By drones that stop elsewhere: of others :func:`_visits` has to be given it.
     """
-    found, worst = [0], 0.0
-    every = np.abs(places - stops[:, None]) / KNOWN["place"]
+    begun, none = np.full(stops.shape[1], np.inf), np.full(stops.shape[1], -np.inf)
+    ways = [np.diff(own[np.isfinite(own[:, 0])], axis=0) for own in stops]
+    away = [np.abs(way).max(axis=1) > 2.0 * CONSTANTS["rounding"] for way in ways]
+    for drone, moved in enumerate(away) if not np.concatenate(away).all() else ():
+        own, visited, _ = _visits(fleet, stops, drone, none)
+        some = np.flatnonzero(moved[: max(len(visited) - 1, 0)])
+        left = fleet.release[fleet.first[drone] + np.array(visited, dtype=int)[some]]
+        np.fmin.at(begun, own[1:][some], left)
+    return np.minimum.accumulate(begun[::-1])[::-1]
+
+
+def _visits(
+    fleet: FleetLegs, stops: FloatArray, drone: int, begun: FloatArray
+) -> tuple[IntArray, list[int], float]:
+    """Which ``stops`` a drone has, and which of its places they are, one at least.
+
+    Up to one that is not found; also returns how far off the worst is, over what the
+    format stores. A drone that makes way, and is back before it flies to another stop,
+    or left before others have ``begun`` for the next, stops when it is back.
+    """
+    own = np.flatnonzero(np.isfinite(stops[drone, :, 0]))
+    first, end = fleet.first[drone : drone + 2]
+    places = np.concatenate([fleet.begin[[first]], fleet.end[first:end]])
+    left = np.append(np.nan, fleet.release[first:end])
+    found, worst, following = [0], 0.0, np.append(begun[own[1:]], -np.inf)
+    every = np.abs(places - stops[drone, own, None]) / KNOWN["place"]
     ratios = every.max(axis=2)
-    for off, ratio, other in zip(every, ratios, [*ratios[1:], None], strict=True):
+    others = [*ratios[1:], ratios[-1]]
+    for off, ratio, other, late in zip(every, ratios, others, following, strict=True):
         fits = np.flatnonzero(ratio[found[-1] :] <= 1.0) + found[-1]
         if not fits.size:
-            return found[1:], float(ratio[found[-1] :].min(initial=np.inf))
+            return own, found[1:], float(ratio[found[-1] :].min(initial=np.inf))
         first = int(fits[0])
-        until = first + (0 if other is None else int(np.argmax(other[first:] <= 1.0)))
-        back = fits[(np.diff(fits, prepend=first - 2) > 1) & (fits < until)]
+        until = first + int(np.argmax(other[first:] <= 1.0))
+        back = fits[np.diff(fits, prepend=first - 2) > 1]
+        back = back[(back < until) if until > first else (left[back] < late)]
         first = int(back[-1]) if back.size else first
         # Legs may be shorter than the resolution: of two that fit, the nearer is meant.
         first += first + 1 in fits and off[first + 1].sum() < off[first].sum()
         found.append(first)
         worst = max(worst, float(ratio[first]))
-    return found[1:], worst
+    return own, found[1:], worst
 
 
 def _check_slots(

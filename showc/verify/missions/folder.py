@@ -8,7 +8,6 @@ language; whatever else lies there is a finding.
 
 from __future__ import annotations
 
-import hashlib
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ import numpy as np
 from showc.documents.values import read_json, unlike
 from showc.files import UnreadableFileError, read_file
 from showc.log import showc_pb2 as pb
+from showc.log.facts import fleet_token, sha256
 from showc.log.schema import MANIFEST_NAME as MANIFEST
 from showc.script.rules.missions import item_budget
 from showc.verify.decode import CAPS
@@ -101,10 +101,8 @@ class Missions:
         """Check names, hashes and every line of the files."""
         skipped = checked("VRF400", "skipped", notes=("compiled without missions",))
         if not self.folder.is_dir():
-            note = (
-                f"there is no folder {self.folder.name!r} beside the log; copy it "
-                "there, or leave missions out of the verification"
-            )
+            note = f"there is no folder {self.folder.name!r} beside the log; copy it "
+            note += "there, or leave missions out of the verification"
             return [skipped if self.none else agreement("VRF401", [note])]
         checks = [self._same_manifest(), agreement("VRF401", self.bad)]
         if self.none:
@@ -148,7 +146,7 @@ class Missions:
                 self.bad.append(f"{name}: the files up to here are too large in sum")
                 break
             self.contents[name] = content
-            if hashlib.sha256(content).hexdigest() != listed.get(name):
+            if sha256(content) != listed.get(name):
                 self.bad.append(f"{name}: the hash is not the manifest's")
             if name.endswith(".waypoints"):
                 most = item_budget(self.spoken, self.script.mission.board)
@@ -252,16 +250,6 @@ def check_parameters(found: bytes, wanted: bytes) -> Check:
     """Hold the lines of a parameter file against those wanted."""
     lines, right = (x.decode("ascii", "replace").split("\n") for x in (found, wanted))
     return agreement("VRF407", unlike(lines, right, "line"))
-
-
-def fleet_token(contents: dict[str, bytes]) -> str:
-    """Hash over the names and bytes of all missions, sorted."""
-    digest = hashlib.sha256()
-    for name in sorted(contents):
-        if name.endswith(".waypoints"):
-            digest.update(name.encode())
-            digest.update(hashlib.sha256(contents[name]).digest())
-    return digest.hexdigest()
 
 
 def _wrong_rows(

@@ -128,8 +128,7 @@ def _item(text: str, first: bool) -> Item:  # noqa: FBT001 - which of two rows
         raise MissionFormatError("names a place, and its command has none")
     low, high = RULES["takeoff"]
     if word == "T" and not low <= height <= high + 0.002:
-        text = f"takes off to {height:g} m; known are {low:g} to {high:g} m"
-        raise MissionFormatError(text)
+        raise MissionFormatError(f"takes off to {height:g} m, not {low:g} to {high:g}")
     # Stored is a height that is 2 mm further from zero than a whole centimetre.
     centimetres = round(abs(height) * 100.0 - 0.2)
     stored = 0.01 * centimetres + 0.002 * bool(centimetres)

@@ -189,9 +189,8 @@ def _tubes(speed: FloatArray, wind: float) -> tuple[FloatArray, FloatArray]:
     """Spreads and latenesses (n,) [s] of legs by their speeds (n,) [m/s]."""
     known = [row for row in KNOWN["tubes"] if wind <= row["wind"]]
     if not known:
-        raise MissionFormatError(
-            f"how missions are flown in a wind of {wind:g} m/s was not measured"
-        )
+        text = f"how missions are flown in a wind of {wind:g} m/s was not measured"
+        raise MissionFormatError(text)
     bands, (slow, fast) = known[0]["off"], known[0]["late"]
     tops = np.array([top for top, _ in bands])
     widths = np.array([width / top for top, width in bands])

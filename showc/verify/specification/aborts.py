@@ -170,12 +170,9 @@ class Aborts:
             limits, back = self.script.limits, rates[rest:]
             speeds = np.array([limits.velocity_min, limits.velocity_max])
             fastest = min(1.0, float((-speeds / speeds[::-1]).min()))
-            periods = row.duration / self.table.period
-            if not (
-                (np.abs(back + 0.5 * fastest) <= 0.5 * fastest + MOMENT).all()
-                and times[-1] < MOMENT
-                and abs(back.size - 1 - periods) < MOMENT
-            ):
+            over, periods = back.size - 1, row.duration / self.table.period
+            within = np.abs(back + 0.5 * fastest).max() <= 0.5 * fastest + MOMENT
+            if not (within and times[-1] < MOMENT and abs(over - periods) < MOMENT):
                 return np.inf
         stop = rates[: rest + 1]
         slows = stop.min() >= -MOMENT and not (np.diff(stop) > MOMENT).any()
@@ -199,16 +196,20 @@ class Aborts:
         width, slope = end - begin, elevate(table.slope(speed), speed.shape[1] - 1)
         for row in self.sound:
             rates, times = self._clock(row)
-            for at in np.flatnonzero(row.changes):
-                ends = np.sort(times[at : at + 2])
-                met = np.flatnonzero((begin <= ends[1]) & (ends[0] <= end))
-                low, high = np.clip((ends[:, None] - begin[met]) / width[met], 0.0, 1.0)
+            every = np.sort(np.stack([times[:-1], times[1:]], axis=1), axis=1)
+            changes = np.array(row.changes)[:, None, None]
+            changed = np.flatnonzero(changes)
+            # A hundred at once, so that no table fills the memory.
+            for some in np.array_split(changed, 1 + changed.size // 100):
+                ends = every[some]
+                of, met = np.nonzero((begin <= ends[:, 1:]) & (ends[:, :1] <= end))
+                low, high = np.clip((ends[of].T - begin[met]) / width[met], 0.0, 1.0)
                 v, a = part(speed[met], low, high), part(slope[met], low, high)
-                for square in rates[at : at + 2] ** 2:
+                for rate in (rates[some[of]], rates[some[of] + 1]):
+                    square = rate[:, None, None] ** 2
                     own = np.maximum(allowed, _greatest(square * slope[met]))
-                    over = _greatest(square * a + row.changes[at] * v) - own
-                    time = float(ends[0])
-                    yield Seen("stop", time, drones[met], over.max(axis=1))
+                    over = _greatest(square * a + changes[some[of]] * v) - own
+                    yield Seen("stop", ends[of, 0], drones[met], over.max(axis=1))
 
     def _ends(self, row: pb.AbortRow, legs: list[Segment]) -> Iterator[str]:
         """Say what is wrong with where a row begins, and where it ends."""
