@@ -100,9 +100,10 @@ _CLIPPED = 1e-9
 """Share of the greatest squared rotor speed by which coefficients may leave what rotors
 can do before an interval is halved: coefficients leave it where values do not."""
 
-_HALVINGS, _MORE = 6, 4_000
+_HALVINGS, _MORE, _LONG = 6, 4_000, 5e6
 """How often an interval is halved at most, and by how many more there may be before it;
-what is then left stays in the bound."""
+what is then left stays in the bound. Time of all drones, times coefficients, to which
+intervals are halved to windows [s]: that of a thousand which hover for an hour."""
 
 _ELLIPSES = (1.5, 2.0, 3.0, 5.0, 8.0, 13.0, 30.0, 1e3)
 """Values of rho that are tried; each gives a bound, the least one counts."""
@@ -181,9 +182,9 @@ def radius(segment: Segment, vehicle: Vehicle) -> FloatArray:
     with np.errstate(all="ignore"):
         table = segment.table
         # Each half of an interval that is longer than a window is taken as one.
-        for _ in range(_HALVINGS):
-            beyond = table.end - table.start > WINDOW
-            table = _halved(table, beyond) if beyond.any() else table
+        if (table.end - table.start).sum() * table.state.shape[1] < _LONG:
+            while (beyond := table.end - table.start > WINDOW).any():
+                table = _halved(table, beyond)
         for part in table.parts(_AT_ONCE):
             # A window is taken as a drone of its own is.
             of_drone = np.isin(np.arange(part.start.size), part.first[:-1])
