@@ -154,12 +154,17 @@ def entries_of(content: bytes, most: float = float("inf")) -> list[tuple[str, by
                 # Behind a head of 30 bytes and the name.
                 begin = one.header_offset + 30 + len(one.filename)
                 bare = content[begin : begin + one.compress_size]
+                stream = zlib.decompressobj(-zlib.MAX_WBITS)
+                whole = stream.decompress(bare, one.file_size + 1)
+                if not stream.eof or stream.unused_data:
+                    raise ValueError(f"{one.filename} is no packed file, or more")
+                if (len(whole), zlib.crc32(whole)) != (one.file_size, one.CRC):
+                    raise ValueError(f"{one.filename} is not as long as it says")
                 packed.append(Entry(one.filename, bare, one.file_size, one.CRC))
-                found.append((one.filename, opened.read(one)))
-        whole = archive(packed)
+                found.append((one.filename, whole))
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError) as error:
         raise ValueError(str(error)) from error
-    if whole != content:
+    if archive(packed) != content:
         raise ValueError("it holds more than its entries")
     return found
 

@@ -378,3 +378,14 @@ def test_an_archive_is_not_unpacked_beyond_what_is_wanted():
     assert entries_of(packed, 1_000_001)
     with pytest.raises(ValueError, match="more than 1,000,000 bytes"):
         entries_of(packed, 1_000_000)
+
+
+def test_nothing_is_hidden_behind_an_entry_of_an_archive():
+    one = Entry.of("one", b"1")
+    assert entries_of(archive([one])) == [("one", b"1")]
+    more = replace(one, packed=one.packed + b"evil")
+    for wrong in (more, replace(one, size=2), replace(one, crc=1)):
+        with pytest.raises(ValueError, match=r"^one is"):
+            entries_of(archive([wrong]))
+    with pytest.raises(ValueError, match="more than its entries"):
+        entries_of(archive([one])[:-2] + b"\x04\0evil")

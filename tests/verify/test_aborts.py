@@ -4,6 +4,7 @@ import hashlib
 import re
 import shutil
 import tracemalloc
+from functools import partial
 
 import numpy as np
 import pytest
@@ -360,10 +361,11 @@ def test_a_clock_that_never_slows_is_seen_in_the_verdict(aborted, tmp_path):
     true, _ = told(aborted, tmp_path, lambda _: None)
     end = read_log(aborted).duration
 
-    def onward(table):
+    def onward(table, faster=0.0):
         for row in table.rows:
             row.way, row.duration, row.rest = pb.AbortRow.ON_THE_GROUND, 0.0, end
-            row.changes[:] = [0.0] * int(2.0 + (end - row.time) / table.period)
+            steps = int(2.0 + (end - row.time) / table.period)
+            row.changes[:] = [faster / table.period] * steps
             del row.legs[:]
 
     late, holds = told(aborted, tmp_path, onward)
@@ -372,6 +374,9 @@ def test_a_clock_that_never_slows_is_seen_in_the_verdict(aborted, tmp_path):
     times = [float(down.search(found.notes[0])[1]) for found in (true, late)]
     assert times[0] < 20.0
     assert end <= times[1] <= end + 1.0
+    # Each step is below what rounding is granted.
+    _, holds = told(aborted, tmp_path, partial(onward, faster=0.9e-6))
+    assert not holds["VRF351"]
 
 
 def test_a_way_back_along_the_plan_is_proved(aborted, tmp_path):

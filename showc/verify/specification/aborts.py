@@ -175,7 +175,7 @@ class Aborts:
             if not (within and times[-1] < MOMENT and abs(over - periods) < MOMENT):
                 return np.inf
         stop = rates[: rest + 1]
-        slows = stop.min() >= -MOMENT and not (np.diff(stop) > MOMENT).any()
+        slows = stop.min() >= -MOMENT and np.diff(stop).clip(min=0.0).sum() <= MOMENT
         rests = rates[rest] < MOMENT or times[rest] >= end
         return min(float(times[rest]), end) if slows and rests else np.inf
 
