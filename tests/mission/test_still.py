@@ -185,6 +185,32 @@ def test_drones_that_make_way_in_one_of_several_moves_are_proved(tmp_path):
     assert len({tuple(row[8:10]) for row in away if row[3] == 16}) > 1
 
 
+TURNED = """\
+showc: 1
+drones: 5
+groups: {one: [1], two: [2]}
+pads: {type: grid, columns: 5, step: 2.5}
+launch: {altitude: 1.2}
+formations:
+  ahead: {type: points, points: [[0, 7, 1.2]]}
+  aside: {type: points, points: [[9, -6, 1.2]]}
+transitions:
+  - {to: ahead, group: one, at: 38.2, hold: 2}
+  - {to: aside, group: two, at: 43.2, hold: 2}
+landing: {altitude: 3.2}
+"""
+
+
+def test_groups_that_leave_in_another_order_in_missions_are_proved(tmp_path):
+    found = verified(tmp_path, TURNED)
+    manifest = json.loads((tmp_path / "show/manifest.json").read_bytes())
+    legs = manifest["missions"]["prediction"]["legs"][:2]
+    one, two = ((leg["optimal_start"], leg["slot"]) for leg in legs)
+    assert one[0] < two[0]
+    assert one[1] > two[1]
+    assert found.failures() == set() and found.missions == "proved"
+
+
 def test_a_drone_does_not_sink_beside_one_that_still_comes_too_near(tmp_path):
     """It would be on the ground seconds before the other is above its pad."""
     found = verified(tmp_path, NARROW)

@@ -244,9 +244,12 @@ def _waited(
     some = [np.searchsorted(e, np.arange(*r)) for e, r in zip(ends, rows, strict=True)]
     of = np.minimum(np.concatenate(some), still.size - 1)[legs]
     # Waits of the log before a move without a slot are those before the next one.
-    slots = np.unique(of)
+    slots, of = np.unique(of, return_inverse=True)
     still = np.bincount(np.searchsorted(slots, np.arange(still.size)), still)
-    waits = np.bincount(of, idle[: legs.size])[slots] - still[: slots.size]
+    # Groups side by side may leave in another order than in the log.
+    left = [spans[: legs.size, 0][of == k].min() for k in range(slots.size)]
+    order = np.lexsort((left, [logged[k].segment for k in slots]))
+    waits = np.bincount(of, idle[: legs.size])[order] - still[: slots.size]
     longest = float(waits.max(initial=-np.inf)) - CONSTANTS["spin_up"]
     return longest, float(spans[int(np.argmax(idle)), 0])
 
