@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from fleet.handmade import Listening, make_leg, make_options, make_show
 
+from showc.fleet import solve_leg
 from showc.fleet.execution.pool import InProcess
+from showc.fleet.lower_bound import passing
 from showc.fleet.lower_bound.passing import passing_bound
 from showc.fleet.search import Room, Search, whole_milliseconds
 from showc.fleet.single_drone.model import Aircraft
@@ -68,3 +70,13 @@ def test_drones_that_meet_nowhere_have_no_bound_of_pairs():
     start = np.array([[0.0, 0.0, 10.0], [3.0, 0.0, 10.0]])
     aircraft = Aircraft(make_show(2).vehicle, LIMITS)
     assert passing_bound(aircraft, Separation(1.0), start, start + 9.0, 9.0) is None
+
+
+def test_where_the_script_gives_the_time_no_pair_is_bounded(monkeypatch):
+    asked = []
+    monkeypatch.setattr(passing, "passing_bound", lambda *given: asked.append(given))
+    start = np.array([[-4.0, 0.0, 20.0], [4.0, 0.0, 20.0]])
+    leg = make_leg(start, start[::-1], duration=9.0)
+    found = solve_leg(leg, make_show(2), make_options(), InProcess(), Listening())
+    assert found.duration == 9.0
+    assert not asked
