@@ -157,9 +157,9 @@ def entries_of(content: bytes, most: float = float("inf")) -> list[tuple[str, by
                 stream = zlib.decompressobj(-zlib.MAX_WBITS)
                 whole = stream.decompress(bare, one.file_size + 1)
                 if not stream.eof or stream.unused_data:
-                    raise ValueError(f"{one.filename} is no packed file, or more")
+                    raise ValueError(f"{one.filename} is not one packed file")
                 if (len(whole), zlib.crc32(whole)) != (one.file_size, one.CRC):
-                    raise ValueError(f"{one.filename} is not as long as it says")
+                    raise ValueError(f"{one.filename} is not what it says")
                 packed.append(Entry(one.filename, bare, one.file_size, one.CRC))
                 found.append((one.filename, whole))
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError) as error:

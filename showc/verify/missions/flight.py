@@ -110,7 +110,7 @@ def visits(
 
 
 def _begun(fleet: FleetLegs, stops: FloatArray) -> FloatArray:
-    """When drones first leave for each of their ``stops``; of none, for the next [s].
+    """When the first drones leave for each of the ``stops`` [s], or for the next one.
 
     By drones that stop elsewhere: of others :func:`_visits` has to be given it.
     """
