@@ -149,6 +149,20 @@ def test_an_export_whose_manifest_was_made_to_agree_is_found_out(beside):
     assert failed(beside) >= {"VRF584"}
 
 
+def test_an_export_of_fewer_flights_is_refused_before_they_are_proved(beside):
+    folder = beside.with_name("show-skyb")
+    manifest = json.loads((folder / "export.json").read_text())
+    gone = min(folder.glob("*.skyb"))
+    gone.unlink()
+    del manifest["files"][gone.name]
+    (folder / "export.json").write_text(json.dumps(manifest))
+    checks = verify_beside(beside, show_with_exports(beside))
+    checks = [one for one in checks if one.group == "export skyb"]
+    assert [one.code for one in checks if one.verdict == "fail"] == ["VRF584"]
+    assert "flights, the log" in checks[-1].notes[0]
+    assert len(checks) == 2
+
+
 def altered(log, form, name, change, words=len):
     """Codes that fail with a file and the manifest changed, and a hash that fits."""
     folder = log.with_name(f"{log.stem}-{form}")

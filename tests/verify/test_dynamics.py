@@ -17,6 +17,7 @@ from showc.flight import Trajectory
 from showc.log import showc_pb2 as pb
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle import PRESETS
+from showc.verify.kernel import dynamics
 from showc.verify.kernel.bernstein import basis
 from showc.verify.kernel.dynamics import (
     ANGLE,
@@ -433,13 +434,25 @@ def test_what_a_planner_accepts_is_proved_however_its_attitude_errs():
     assert (True, False) not in verdicts
 
 
+def cruise(length):
+    """One interval at 0.5 m/s, with a little more thrust than the weight."""
+    state, control = np.zeros((1, 2, 12)), np.zeros((1, 1, 4))
+    state[0, 1, 0], state[0, :, 3] = 0.5 * length, 0.5
+    control[0, 0, 0] = VEHICLE.mass * (VEHICLE.gravity + 1e-7)
+    ends = np.array([0.0]), np.array([length])
+    table = PieceTable(np.array([0]), np.array([0, 1]), *ends, state, control)
+    return Segment(pb.Segment(duration=length), table, np.zeros((1, 3)))
+
+
 def test_an_interval_longer_than_a_window_is_taken_in_windows():
     """What is left out grows with the square of the time without feedback."""
     for length, most in ((WINDOW, 3e-5), (10.0 * WINDOW, 6e-5)):
-        state, control = np.zeros((1, 2, 12)), np.zeros((1, 1, 4))
-        state[0, 1, 0], state[0, :, 3] = 0.5 * length, 0.5
-        control[0, 0, 0] = VEHICLE.mass * (VEHICLE.gravity + 1e-7)
-        ends = np.array([0.0]), np.array([length])
-        table = PieceTable(np.array([0]), np.array([0, 1]), *ends, state, control)
-        segment = Segment(pb.Segment(duration=length), table, np.zeros((1, 3)))
-        assert 1e-5 < radius(segment, VEHICLE)[0, 2] < most
+        assert 1e-5 < radius(cruise(length), VEHICLE)[0, 2] < most
+
+
+def test_intervals_of_weeks_are_not_halved(monkeypatch):
+    """Whatever their time, they take as long to be refused as others to be proved."""
+    halved = []
+    monkeypatch.setattr(dynamics, "_halved", lambda *given: halved.append(given))
+    assert radius(cruise(1e8), VEHICLE)[0, 2] > POSITION
+    assert not halved
