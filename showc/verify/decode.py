@@ -133,9 +133,8 @@ def _rules(log: LogFile) -> tuple[pb.Rules, int]:
     version, steps = rules.format_version, rules.duration * rules.log_rate
     known = version == FORMAT_VERSION and 1 <= rules.drones <= CAPS["drones"]
     if not (known and 0.0 <= steps <= CAPS["samples"]):
-        text = f"format version {version}, {rules.drones:,} drones, {steps:g} samples "
-        text += f"of each: known are version {FORMAT_VERSION}, up to {CAPS['drones']:,}"
-        text += f" drones and {CAPS['samples']:,} samples"
+        text = f"format version {version}, {rules.drones:,} drones, {steps:g} samples; "
+        text += f"at most {FORMAT_VERSION}, {CAPS['drones']:,} and {CAPS['samples']:,}"
         raise Damage(found[0].offset, text)
     return rules, found[0].time
 

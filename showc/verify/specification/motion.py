@@ -92,7 +92,8 @@ def astray(
     if not far[worst] <= FOLLOWED:
         said = f"drone {worst + 1} may be {far[worst]:.6f} m off; {FOLLOWED:g} allowed"
     elif not slip[other] <= 1.0:
-        said = f"drone {other + 1} turns, or ends {slip[other]:.3g} times too far off"
+        said = f"drone {other + 1} turns, or begins or ends in another state"
+        said += f": {slip[other]:.3g} times what is allowed"
     return [f"“{name}”: {said}"] if said else []
 
 
