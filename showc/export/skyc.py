@@ -155,16 +155,17 @@ def entries_of(content: bytes, most: float = float("inf")) -> list[tuple[str, by
                 begin = one.header_offset + 30 + len(one.filename)
                 bare = content[begin : begin + one.compress_size]
                 stream = zlib.decompressobj(-zlib.MAX_WBITS)
-                whole = stream.decompress(bare, one.file_size + 1)
+                data = stream.decompress(bare, one.file_size + 1)
                 if not stream.eof or stream.unused_data:
                     raise ValueError(f"{one.filename} is not one packed file")
-                if (len(whole), zlib.crc32(whole)) != (one.file_size, one.CRC):
+                if (len(data), zlib.crc32(data)) != (one.file_size, one.CRC):
                     raise ValueError(f"{one.filename} is not what it says")
                 packed.append(Entry(one.filename, bare, one.file_size, one.CRC))
-                found.append((one.filename, whole))
+                found.append((one.filename, data))
+        whole = archive(packed)
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError) as error:
         raise ValueError(str(error)) from error
-    if archive(packed) != content:
+    if whole != content:
         raise ValueError("it holds more than its entries")
     return found
 

@@ -403,3 +403,12 @@ def test_nothing_is_hidden_behind_an_entry_of_an_archive():
             entries_of(archive([wrong]))
     with pytest.raises(ValueError, match="more than its entries"):
         entries_of(archive([one])[:-2] + b"\x04\0evil")
+
+
+def test_an_archive_of_more_entries_than_a_zip_counts_is_refused():
+    content = BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as packed:
+        for number in range(1 << 16):
+            packed.writestr(f"{number:05d}", b"")
+    with pytest.raises(ValueError, match="format"):
+        entries_of(content.getvalue(), 1)
