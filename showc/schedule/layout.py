@@ -296,22 +296,17 @@ class _Layout:
 
     def _beside(self, number: int, step: Step) -> list[ScheduledLeg]:
         """Encode moves of groups that have times of their own, and release them."""
-        free = np.full(self.show.drones, self.free)
+        free, first = np.full(self.show.drones, self.free), self.shift is None
         legs: list[ScheduledLeg] = []
         order = sorted(
             range(len(step.moves)), key=lambda place: (step.moves[place].start, place)
         )
         if self.shift is None:
             # The first move of each group is to be on time.
-            seen: set[int] = set()
-            needs = [0.0]
-            for place in order:
-                first = int(step.moves[place].leg.drones[0])
-                wanted = self._wanted(number + place, self._straight(number + place))
-                if first not in seen and wanted is not None:
-                    needs.append(tick(tick(self.free) - wanted))
-                seen.add(first)
-            self.shift = max(needs)
+            firsts = {step.moves[k].leg.drones[0]: number + k for k in reversed(order)}
+            wanted = (self._wanted(k, self._straight(k)) for k in firsts.values())
+            needs = [tick(tick(self.free) - one) for one in wanted if one is not None]
+            self.shift = max(0.0, *needs)
         for place in order:
             leg = step.moves[place].leg
             mine = float(free[leg.drones].max())
@@ -321,6 +316,11 @@ class _Layout:
             if leg.transition is not None:
                 held = self.show.transitions[leg.transition].hold
             free[leg.drones] = max(found.over, found.arrival + held)
+        if first and self.shift is not None:
+            # Where all are slower than straight lines, one of them is on time still.
+            least = min(leg.late for leg in legs if leg.move.cue is not None)
+            self.shift += least
+            legs = [replace(leg, late=max(leg.late - least, 0.0)) for leg in legs]
         self.free = float(free.max())
         self.arrival = max(leg.arrival for leg in legs)
         flown = [part for leg in legs for part in leg.flown]

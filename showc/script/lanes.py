@@ -38,6 +38,16 @@ def arrival(one: Transition) -> float | None:
     return round(one.start + one.duration, 3)
 
 
+def cue(together: Sequence[Transition]) -> tuple[float, bool] | None:
+    """Show time that the script gives transitions flown in one time, if any [s].
+
+    Also tells whether it is their arrival's: where both are given, that one counts.
+    """
+    asked = [(one.at, True) for one in together]
+    asked += [(one.start, False) for one in together]
+    return next(((time, ends) for time, ends in asked if time is not None), None)
+
+
 SHORTEST_MOVE = 0.1
 """Least time of a move [s], as the field table has it for `duration`."""
 SHORTEST_MOTION = 0.5

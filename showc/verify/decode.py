@@ -20,7 +20,7 @@ from showc.log.facts import message_type
 from showc.log.records import Damage
 from showc.log.schema import ABORT_HEAD, ABORT_NAME, RULES, SEGMENTS, descriptor_set
 from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Segment
-from showc.verify.report import Check, agreement
+from showc.verify.report import Check, agreement, checked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -42,12 +42,16 @@ _MALFORMED = DecodeError, RecursionError, MemoryError
 TOPIC = re.compile(r"/drone/(\d{4,5})/trajectory")
 
 
-def check_schemas(log: LogFile) -> Check:
+def check_container(log: LogFile) -> list[Check]:
     """Hold topics against their types, and types against their definitions.
 
     A definition must be the one in memory: with another one, a viewer would read other
-    things out of the same bytes than this verifier.
+    things out of the same bytes than this verifier. All bytes are accounted for by now.
     """
+    messages = sum(chunk.time.size for chunk in log.chunks)
+    whole = f"{messages:,} messages on {len(log.channels):,} channels in "
+    whole += f"{len(log.chunks):,} chunks: CRCs, indexes, statistics, order, sequence"
+    bytes_ = checked("VRF101", "pass", len(log.view), unit="bytes", notes=(whole,))
     bad = []
     for channel in log.channels.values():
         schema = log.schemas[channel.schema]
@@ -62,7 +66,7 @@ def check_schemas(log: LogFile) -> Check:
     names = Counter(schema.name for schema in log.schemas.values())
     bad += [f"{log.schemas[n].name} is unused" for n in log.schemas.keys() - used]
     bad += [f"{name} is defined twice" for name in names if names[name] > 1]
-    return agreement("VRF103", bad)
+    return [bytes_, agreement("VRF103", bad)]
 
 
 def decoding(

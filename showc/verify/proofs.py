@@ -14,7 +14,7 @@ from showc.log.records import Damage
 from showc.log.schema import ABORT_NAME, ADDITIONS, METADATA_NAME
 from showc.processes import side_by_side
 from showc.progress import Progress, Silent
-from showc.verify.decode import check_schemas, decoding
+from showc.verify.decode import check_container, decoding
 from showc.verify.kernel.certificates import certified, closest_claims, excess
 from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
@@ -106,7 +106,7 @@ def _rooms(
         yield demands.motions, demands.checks
         cover = partial(check_cover, log, metadata, show, asked)
         yield [cover], chain.from_iterable
-    yield [partial(_integrity, log), partial(check_schemas, log)], list
+    yield [partial(check_container, log)], chain.from_iterable
     lights = None if demands.rules else demands.lights
     if asked is not None and lights is not None:
         # Now the legs are known to be those of the script.
@@ -157,10 +157,3 @@ def _flight(show: LoggedShow, moves: Sequence[Segment]) -> Room:
         return map(check_of, stated)
 
     return parts, checks
-
-
-def _integrity(log: LogFile) -> Check:
-    messages = sum(chunk.time.size for chunk in log.chunks)
-    whole = f"{messages:,} messages on {len(log.channels):,} channels in "
-    whole += f"{len(log.chunks):,} chunks: CRCs, indexes, statistics, order, sequence"
-    return checked("VRF101", "pass", len(log.view), unit="bytes", notes=(whole,))

@@ -173,11 +173,6 @@ class Verification:
         return self.trajectories == "proved" and self.missions != "not proved"
 
     @property
-    def exit_code(self) -> int:
-        """0 if all that lies there to be flown is proved or accepted, else 1."""
-        return 0 if self.passed else 1
-
-    @property
     def verdict(self) -> str:
         """One line: what is proved, and what is not, with the worst figures."""
         head = "PROVED" if self.proved else "NOT PROVED"
@@ -190,20 +185,13 @@ class Verification:
     def _of(self, *, missions: bool) -> list[Check]:
         return [c for c in self.checks if c.code.startswith("VRF4") == missions]
 
-    def check(self, code: str) -> Check:
-        """Return the first check of that code; KeyError if there is none."""
-        return {check.code: check for check in reversed(self.checks)}[code]
-
-    def failures(self) -> frozenset[str]:
-        """Return the codes of all checks that failed."""
-        return frozenset(c.code for c in self.checks if c.verdict == "fail")
-
     def to_json(self) -> dict[str, Any]:
         """Return the whole result as a dictionary that JSON can hold."""
         said = {"format_version": FORMAT_VERSION, "log": self.path, "show": self.title}
         same = ("drones", "duration", "anchor", "verdict", "trajectories", "missions")
-        for name in (*same, "proved", "passed", "exit_code"):
+        for name in (*same, "proved", "passed"):
             said[name] = getattr(self, name)
+        said["exit_code"] = int(not self.passed)
         return {**plain(said), "checks": [check.to_json() for check in self.checks]}
 
 

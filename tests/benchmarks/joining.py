@@ -14,6 +14,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from findings import failed
+
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT)]
 
@@ -129,7 +131,7 @@ def measured(case: Case, folder: Path) -> tuple[list[str], bool]:
     path.write_text(script(case), encoding="utf-8")
     solve = SolveOptions(use_cache=False, jobs=1)
     compile_script(path, log, CompileOptions(missions=False, solve=solve))
-    proved = not verify_log(log, script=path).failures()
+    proved = not failed(verify_log(log, script=path))
     parts, joined = decoding(open_log(log))
     segments = joined([part() for part in parts]).segments
     kinds = [(one.message.kind, one.message.MOTION) for one in segments]

@@ -1,5 +1,6 @@
 """Missions of groups that fly beside each other, at times of their own."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ from mission.planted import Case
 from showc.autopilot.timing import Timing
 from showc.fleet import solve_itinerary
 from showc.fleet.options import SolveOptions
+from showc.log.facts import fleet_token
 from showc.log.reader import read_log
 from showc.mission import mission_files
 from showc.mission.feasibility import mission_outlook
@@ -211,3 +213,64 @@ def test_ways_above_others_are_flown_as_they_were_proved(tmp_path):
     assert case.failures() == set()
     encodings = {leg["encoding"] for leg in case.missions.prediction["legs"]}
     assert any("above the others" in encoding for encoding in encodings)
+
+
+CUES = """\
+showc: 1
+drones: 2
+pads: {type: line, length: 4}
+launch: {altitude: 8, hold: 1}
+formations:
+  ahead: {type: line, length: 6, centre: [0, 30, 8]}
+  above: {type: line, length: 4, centre: [0, 0, 14]}
+transitions:
+  - {to: ahead, at: 40, hold: 2}
+  - {to: above, start: 60, hold: 2}
+  - {to: ahead, at: 100, hold: 2}
+  - {to: above, hold: 2}
+landing: {altitude: 8}
+"""
+
+
+@pytest.fixture(scope="module")
+def cued(tmp_path_factory):
+    show = read_show(CUES.encode()).show
+    flight = formula_flight(build_itinerary(show))
+    return Case(tmp_path_factory.mktemp("cued"), flight)
+
+
+def moved(case, moves):
+    """Missions of all drones with slots so many seconds later, by their numbers."""
+
+    def change(table):
+        slots = [row for row in table if row[3:5] == ["93", "-1"]]
+        for number, seconds in moves.items():
+            row = slots[number]
+            minute, second = divmod(60 * int(row[6]) + int(row[7]) + seconds, 60)
+            row[6:8] = str(minute), str(second)
+        return table
+
+    files = {}
+    for drone in range(1, case.script.drones + 1):
+        files |= case.alike(drone, change)
+    token = fleet_token({**case.files, **files})
+    for name in (name for name in files if name.endswith(".plan")):
+        plan = {**json.loads(files[name]), "fleetToken": token}
+        files[name] = json.dumps(plan).encode()
+    return files
+
+
+def test_moves_on_their_cues_are_proved(cued):
+    found = cued.checks()["VRF418"]
+    assert cued.failures() == set()
+    assert found.verdict == "pass" and found.value < 0.1
+    assert "3 moves; show time 0 is 0.0 s" in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    "moves",
+    [{0: 2}, {0: -2}, {1: 1}, {1: -1}, {2: -2}],
+)
+def test_slots_off_their_cues_are_caught_where_all_else_is_kept(cued, moves):
+    """The fleet waits there in the log too, and holds what it holds."""
+    assert cued.caught(moved(cued, moves)) == {"VRF418"}

@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from findings import failed
 from mission.flights import formula_flight, rows
 from mission.planted import Case
 
@@ -180,7 +181,7 @@ landing: {altitude: 6}
 def test_drones_that_make_way_in_one_of_several_moves_are_proved(tmp_path):
     """Of several moves that a drone stays out of, its way is of one: by the time."""
     found = verified(tmp_path, TWICE)
-    assert found.failures() == set() and found.missions == "proved"
+    assert failed(found) == set() and found.missions == "proved"
     away = rows((tmp_path / "show/missions/drone_0003.waypoints").read_bytes())
     assert len({tuple(row[8:10]) for row in away if row[3] == 16}) > 1
 
@@ -208,7 +209,7 @@ def test_groups_that_leave_in_another_order_in_missions_are_proved(tmp_path):
     one, two = ((leg["optimal_start"], leg["slot"]) for leg in legs)
     assert one[0] < two[0]
     assert one[1] > two[1]
-    assert found.failures() == set() and found.missions == "proved"
+    assert failed(found) == set() and found.missions == "proved"
 
 
 def test_a_drone_does_not_sink_beside_one_that_still_comes_too_near(tmp_path):

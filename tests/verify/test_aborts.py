@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from findings import check_of, failed
 from lies import Log
 from synthetic import decoded
 
@@ -58,7 +59,7 @@ def test_every_row_is_proved_from_the_bytes(aborted):
     assert found.proved
     verdicts = {c.code: c.verdict for c in found.checks if c.code in PROVED}
     assert verdicts == dict.fromkeys(PROVED, "pass")
-    nearest = found.check("VRF354")
+    nearest = check_of(found, "VRF354")
     rows = read_log(aborted).aborts.legs
     least = min(leg.certificate.closest.distance for leg in rows)
     assert nearest.value == pytest.approx(least, abs=1e-4)
@@ -260,7 +261,7 @@ def test_a_table_of_another_log_is_found_whatever_it_says(aborted, tmp_path):
     table.CopyFrom(read_log(log).aborts)
     table.data_sha256, table.legs[0].name = "0" * 64, digest
     add(log, ABORT_NAME, table.SerializeToString(), digest)
-    assert "VRF108" in verify_log(log, missions=False).failures()
+    assert "VRF108" in failed(verify_log(log, missions=False))
 
 
 def test_a_table_before_the_data_that_it_is_of_is_found(aborted, tmp_path):
@@ -274,7 +275,7 @@ def test_a_table_before_the_data_that_it_is_of_is_found(aborted, tmp_path):
     table.data_sha256 = hashlib.sha256(before).hexdigest()
     entry[3] = table.SerializeToString(deterministic=True)
     log.write_bytes(whole.bytes())
-    assert verify_log(log, missions=False).failures() == {"VRF108"}
+    assert failed(verify_log(log, missions=False)) == {"VRF108"}
 
 
 @pytest.mark.parametrize("lie", LIES)
@@ -307,7 +308,7 @@ def test_a_lie_in_the_table_makes_the_verdict_not_proved(aborted, tmp_path):
     told(aborted, tmp_path, faster)
     found = verify_log(tmp_path / aborted.name, missions=False)
     assert not found.proved
-    assert {"VRF352"} <= found.failures() <= PROVED
+    assert {"VRF352"} <= failed(found) <= PROVED
 
 
 @pytest.mark.parametrize(

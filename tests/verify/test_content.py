@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from findings import check_of, failed
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -67,10 +68,6 @@ def changed(data, kind, topic, number, change):
     return rewritten(data, replace)
 
 
-def failures(verification):
-    return {check.code for check in verification.checks if check.verdict == "fail"}
-
-
 def test_writing_again_changes_nothing(data, tmp_path):
     again = rewritten(data, lambda *found: found[-1])
     assert again != data
@@ -98,7 +95,7 @@ def test_another_definition_of_a_message_of_ours_fails(data, tmp_path):
     content = rewritten(
         data, lambda *found: found[-1], with_extra_field("showc.Segment")
     )
-    assert failures(verified(content, tmp_path)) == {"VRF103"}
+    assert failed(verified(content, tmp_path)) == {"VRF103"}
 
 
 def test_another_definition_of_a_message_of_foxgloves_fails(data, tmp_path):
@@ -106,7 +103,7 @@ def test_another_definition_of_a_message_of_foxgloves_fails(data, tmp_path):
     content = rewritten(
         data, lambda *found: found[-1], with_extra_field("foxglove.PointCloud")
     )
-    assert failures(verified(content, tmp_path)) == {"VRF103"}
+    assert failed(verified(content, tmp_path)) == {"VRF103"}
 
 
 @SETTINGS
@@ -132,7 +129,7 @@ def test_garbage_in_messages_raises_nothing_else(
     except DamagedFileError as error:
         assert "byte" in str(error)  # noqa: PT017
     else:
-        assert verification.exit_code in {0, 1}
+        assert verification.passed == (not failed(verification))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -159,7 +156,7 @@ def test_a_log_of_other_rules_than_the_scripts_is_judged_by_none(data, tmp_path)
         rules.vehicle.mass = 0.0
 
     verification = verified(changed(data, pb.Rules, "/show/rules", 0, change), tmp_path)
-    assert failures(verification) == {"VRF203"}
+    assert failed(verification) == {"VRF203"}
     assert verification.trajectories == "not proved"
     assert not any(one.code.startswith("VRF3") for one in verification.checks)
 
@@ -193,7 +190,7 @@ def test_absurd_rules_raise_nothing_else(data, tmp_path, field, value):
     except DamagedFileError as error:
         assert "byte" in str(error)  # noqa: PT017
     else:
-        assert verification.exit_code in {0, 1}
+        assert verification.passed == (not failed(verification))
 
 
 def test_a_trajectory_left_out_is_damage(data, tmp_path):
@@ -239,8 +236,8 @@ def test_a_sample_moved_by_two_millimetres_is_found(data, tmp_path):
         changed(data, PointCloud, "/fleet/state", 58, change), tmp_path
     )
     # A frame of the same instant stands elsewhere, too.
-    assert failures(verification) == {"VRF122", "VRF124"}
-    check = verification.check("VRF122")
+    assert failed(verification) == {"VRF122", "VRF124"}
+    check = check_of(verification, "VRF122")
     assert check.where.drone == 3
     assert check.where.time == pytest.approx(58 / 5.0)
 
@@ -252,8 +249,8 @@ def test_a_changed_sample_of_one_drone_is_found(data, tmp_path, field):
 
     content = changed(data, pb.DroneState, "/drone/0004/state", 50, change)
     verification = verified(content, tmp_path)
-    assert failures(verification) == {"VRF123"}
-    where = verification.check("VRF123")
+    assert failed(verification) == {"VRF123"}
+    where = check_of(verification, "VRF123")
     assert where.where.drone == 4
     assert where.where.time == pytest.approx(10.0)
 
@@ -266,7 +263,7 @@ def test_a_changed_frame_is_found(data, tmp_path):
 
     content = changed(data, FrameTransforms, "/tf", 30, change)
     verification = verified(content, tmp_path)
-    assert failures(verification) == {"VRF124"}
+    assert failed(verification) == {"VRF124"}
 
 
 def test_a_sample_left_out_is_found(data, tmp_path):
@@ -276,7 +273,7 @@ def test_a_sample_left_out_is_found(data, tmp_path):
             None if (topic, number) == ("/fleet/state", 40) else message
         ),
     )
-    assert "VRF121" in failures(verified(content, tmp_path))
+    assert "VRF121" in failed(verified(content, tmp_path))
 
 
 def test_a_witness_proves_what_it_proves_and_no_more(data, tmp_path):
@@ -294,11 +291,11 @@ def test_a_witness_proves_what_it_proves_and_no_more(data, tmp_path):
         return verified(content, tmp_path)
 
     name = "VRF341"
-    assert name not in failures(claim(1.999))
+    assert name not in failed(claim(1.999))
     wrong = claim(2.001)
-    assert name in failures(wrong)
+    assert name in failed(wrong)
     # A witness is checked at the time claimed: beyond it, it proves nothing.
-    assert wrong.check(name).value == np.inf
+    assert check_of(wrong, name).value == np.inf
 
 
 def test_a_bound_above_the_time_flown_is_found(data, tmp_path):
@@ -306,7 +303,7 @@ def test_a_bound_above_the_time_flown_is_found(data, tmp_path):
         segment.certificate.dual_bound = segment.duration + 0.001
 
     content = changed(data, pb.Segment, "/show/segments", 0, change)
-    assert "VRF342" in failures(verified(content, tmp_path))
+    assert "VRF342" in failed(verified(content, tmp_path))
 
 
 def test_a_wrong_claim_of_the_closest_encounter_is_found(data, tmp_path):
@@ -314,7 +311,7 @@ def test_a_wrong_claim_of_the_closest_encounter_is_found(data, tmp_path):
         segment.certificate.closest.distance += 0.01
 
     content = changed(data, pb.Segment, "/show/segments", 0, change)
-    assert "VRF343" in failures(verified(content, tmp_path))
+    assert "VRF343" in failed(verified(content, tmp_path))
 
 
 def test_a_hold_without_its_closest_encounter_is_found(data, tmp_path):
@@ -326,18 +323,18 @@ def test_a_hold_without_its_closest_encounter_is_found(data, tmp_path):
 
     content = changed(data, pb.Segment, "/show/segments", 1, change)
     assert names == [pb.Segment.HOLD]
-    assert "VRF343" in failures(verified(content, tmp_path))
+    assert "VRF343" in failed(verified(content, tmp_path))
 
 
 def test_a_single_drone_meets_no_other(tmp_path):
     data = written(proved_flight(1), tmp_path / "one.mcap").read_bytes()
-    assert "VRF343" not in failures(verified(data, tmp_path))
+    assert "VRF343" not in failed(verified(data, tmp_path))
 
     def change(segment):
         segment.certificate.closest.distance = 0.05
 
     content = changed(data, pb.Segment, "/show/segments", 0, change)
-    assert "VRF343" in failures(verified(content, tmp_path))
+    assert "VRF343" in failed(verified(content, tmp_path))
 
 
 @pytest.mark.parametrize("many", ["statistics", "moves"])
@@ -380,4 +377,4 @@ def test_lights_at_moments_of_a_hold_are_those_of_the_script(flight, tmp_path):
         )),
     )  # fmt: skip
     path = written(replace(flight, itinerary=dark), tmp_path / "output.mcap")
-    assert "VRF125" in failures(verify_log(path, missions=False))
+    assert "VRF125" in failed(verify_log(path, missions=False))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from findings import failed
 from verified import loaded, strays
 
 from showc.pipeline.compile import CompileOptions, compile_script
@@ -63,7 +64,7 @@ def test_arrivals_and_departures_in_motion_are_proved(compiled):
     verification = verify_log(
         compiled / "output.mcap", script=compiled / "joining.yaml"
     )
-    assert verification.failures() == set()
+    assert failed(verification) == set()
 
 
 def test_moves_between_motions_take_two_percent_more_than_their_bounds_at_most(logged):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from findings import failed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lies import Log
@@ -273,7 +274,7 @@ def test_a_log_that_hides_its_scripts_limit_of_jerk_is_found(tmp_path):
     path = tmp_path / "jerky.mcap"
     log = Log.read(path.read_bytes())
     before = verify_log(path, missions=False)
-    assert not before.failures()
+    assert not failed(before)
     for claimed in (0.0, 400.0):
 
         def change(rules, claimed=claimed):
@@ -282,7 +283,7 @@ def test_a_log_that_hides_its_scripts_limit_of_jerk_is_found(tmp_path):
 
         log.edit("/show/rules", 0, pb.Rules, change)
         path.write_bytes(log.bytes())
-        assert verify_log(path, missions=False).failures()
+        assert failed(verify_log(path, missions=False))
 
 
 def test_thrust_may_jump_where_jerk_is_not_limited(log_and_show):

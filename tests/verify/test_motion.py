@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from findings import failed
 from verified import loaded, strays
 
 from showc.pipeline.compile import CompileOptions, RejectedScriptError, compile_script
@@ -55,7 +56,7 @@ def compiled(tmp_path_factory):
 
 def test_motions_are_proved_from_the_script(compiled):
     verification = verify_log(compiled / "output.mcap", script=compiled / "moving.yaml")
-    assert verification.failures() == set()
+    assert failed(verification) == set()
     _, logged = loaded(compiled / "output.mcap")
     kinds = [
         segment.message.Kind.Name(segment.message.kind) for segment in logged.segments

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from findings import failed
 from synthetic import vertical_flight
 from verified import manifest_of, proved_flight, script_of, written
 
@@ -31,7 +32,7 @@ def failures(flight, folder, **options):
     with log.open("wb") as stream:
         write_log(flight, stream, manifest=manifest_of(flight), **options)
     try:
-        return set(verify_log(log, missions=False).failures())
+        return set(failed(verify_log(log, missions=False)))
     except DamagedLogError:
         return {"damage"}
 
@@ -352,4 +353,4 @@ def test_two_logs_are_not_each_others(flight, tmp_path):
     script = tmp_path / "proved.yaml"
     script.write_bytes(script_of(DRONES) + b"# other\n")
     log = written(flight, tmp_path / "output.mcap")
-    assert "VRF201" in verify_log(log, missions=False, script=script).failures()
+    assert "VRF201" in failed(verify_log(log, missions=False, script=script))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from findings import failed
 from verified import loaded
 
 from showc.pipeline.compile import CompileOptions, compile_script
@@ -68,7 +69,7 @@ def swap(goals, message, first, second):
 
 def test_groups_parking_and_times_are_those_of_the_script(compiled):
     verification = verify_log(compiled / "output.mcap", script=compiled / "groups.yaml")
-    assert verification.failures() == set()
+    assert failed(verification) == set()
     assert verification.missions == "none"
 
 

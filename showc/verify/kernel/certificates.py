@@ -297,10 +297,8 @@ def certified(segments: Sequence[Segment], beyond: Sequence[float]) -> list[Stat
         single = said.single_drone_minimum or one.duration
         over = single - one.duration if 0.0 <= said.dual_bound <= single else np.inf
         order.append(_seen(one, 0, over))
-    return [
-        worst("VRF341", TOLERANCE, "s", bounds),
-        worst("VRF342", TOLERANCE, "s", order),
-    ]
+    both = ("VRF341", bounds), ("VRF342", order)
+    return [worst(code, TOLERANCE, "s", found) for code, found in both]
 
 
 def closest_claims(

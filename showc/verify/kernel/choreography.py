@@ -153,11 +153,9 @@ def _jumps(show: LoggedShow) -> Iterator[Seen]:
 def _ground(show: LoggedShow) -> Statement:
     """First segment from each drone's own pad, last segment to any of them."""
     first, last = show.segments[0], show.segments[-1]
-    pads = [
-        np.array(one.points).reshape(-1, 3)
-        for one in show.rules.formations
-        if one.name == first.message.from_formation and one.points
-    ]
+    name = first.message.from_formation
+    named = [one.points for one in show.rules.formations if one.name == name]
+    pads = [np.array(points).reshape(-1, 3) for points in named if points]
     kinds = first.message.kind, last.message.kind
     if kinds != (pb.Segment.LAUNCH, pb.Segment.LAND) or not pads:
         note = "the show does not begin with a launch from pads, or ends in the air"

@@ -59,7 +59,7 @@ def check_flight(
     }
     return [
         ends,
-        _check_slots(fleet, reached, logged, script.mission.slack, own=own),
+        *_check_slots(fleet, reached, logged, script.mission.slack, own=own),
         *boundaries(fleet, show.rules.site),
         *(_apart(code, found, wanted.distance) for code, found in apart.items()),
         _as_claimed(apart, fleet, show, described, logged),
@@ -160,7 +160,7 @@ def _visits(
 
 def _check_slots(
     fleet: FleetLegs, reached: IntArray, logged: list[Move], slack: float, *, own: bool
-) -> Check:
+) -> Iterator[Check]:
     """Whether no drone leaves before a move has ended, and none waits for nothing.
 
     A move has ended when all its drones have flown it, at the latest, with the lag of
@@ -176,27 +176,27 @@ def _check_slots(
     climbed = fleet.climbs + 2.0 * CONSTANTS["spread"] + pause
     likely[climb] = over[climb] = climbed
     leaves, (alone, lit) = fleet.leaves, fleet.alone.T
-    legs = np.concatenate([timed, alone.astype(np.int64)])
-    times = np.concatenate([fleet.release[timed], lit])
+    some = (timed, alone.astype(np.int64)), (fleet.release[timed], lit)
+    legs, times = map(np.concatenate, some)
     spare, after = [times - over[legs - 1]], [legs]
     done, rests = climbed.copy(), [(-np.inf, float(climbed.max()))]
     # A move that no drone flies takes what is waited after each, or as in the log.
-    at, aside, arrived, least = climb - 1, 0.0, 0.0, (latest - flights.duration).max()
+    at, aside, least = climb - 1, 0.0, (latest - flights.duration).max()
+    flown: list[tuple[float, float]] = []
     for number, move in enumerate(logged[:-1]):
         if number and move.segment != logged[number - 1].segment:
             done[:] = done.max()
             after.append(at + 1)
             spare.append(leaves[at + 1] - done)
-        ends = reached[move.drones, number]
+        ends, first = reached[move.drones, number], at[move.drones] + 1
         shift = np.abs(fleet.end[ends] - fleet.end[at[move.drones]])
         stays, at[move.drones] = shift.max(axis=1) < 2.0 * CONSTANTS["rounding"], ends
-        arrives = float(likely[ends].max())
-        arrived = max(arrived, arrives)
-        begun = max(float(done[move.drones].max()), arrives)
+        flown.append((leaves[first[~stays]].min(initial=np.inf), likely[ends].max()))
+        begun = max(float(done[move.drones].max()), flown[-1][1])
         begun = begun if number else float(fleet.climbs.max()) - CONSTANTS["tick"]
         end, follows = max(float(over[ends].max()), begun + move.held), ends + 1
         if move is logged[-2]:
-            end = arrived - pause
+            end = max(arrives for _, arrives in flown) - pause
             follows = ends[stays] + 1 if own else fleet.first[1:] - 1
         done[move.drones] = end
         aside = aside + max(least, move.duration) if stays.all() else 0.0
@@ -216,7 +216,42 @@ def _check_slots(
     elif waited > 0.0:
         value, holds, where = -waited, False, Place(time=when)
         note = f"no drone flies for {waited:.1f} s longer than slots need"
-    return checked("VRF408", holds, value, 0.0, "s", where=where, notes=(note,))
+    yield checked("VRF408", holds, value, 0.0, "s", where=where, notes=(note,))
+    ended = np.concatenate([np.fmax(over, likely)[timed], [end for _, end in rests]])
+    yield from _check_cues(logged, flown, np.sort(ended))
+
+
+def _check_cues(
+    logged: list[Move], flown: list[tuple[float, float]], ended: FloatArray
+) -> Iterator[Check]:
+    """Whether moves keep the script's times, if show time 0 is as the first have it.
+
+    Of ``logged`` moves ``flown`` says when the first drone leaves, if one does, and the
+    last has come; ``ended`` is when legs and holds surely have, increasing [s]. A late
+    move must leave straight after one of these. One of groups may leave in time for the
+    log's flight, and fly more slowly.
+    """
+    cued = [(one, *when) for one, when in zip(logged, flown, strict=False) if one.cue]
+    segments, found = [one.segment for one, *_ in cued], []
+    cued = [one for one in cued if one[1] < np.inf]
+    for move, left, comes in cued:
+        time, arrives = move.cue or (0.0, False)
+        off = (comes if arrives else left) - time
+        slow = left + arrives * move.duration - time
+        late = slow if segments.count(move.segment) > 1 else off
+        waits = left - ended[np.searchsorted(ended, left + CONSTANTS["tick"]) - 1]
+        begins = move.segment == segments[0]
+        found.append((off, late, waits - CONSTANTS["clear"], begins))
+    if not found:
+        return
+    off, late, waits, first = np.array(found).T
+    shift = max(float(off[first > 0.0 if first.any() else ...].min()), 0.0)
+    wrong = np.maximum(np.minimum(late - shift, waits), shift - off)
+    worst, most = int(np.argmax(wrong)), CONSTANTS["on_cue"]
+    note = f"{off.size:,} moves; show time 0 is {shift:.1f} s after the missions begin"
+    facts = bool(wrong[worst] <= most), float(wrong[worst]), most, "s"
+    where = Place(segment=cued[worst][0].name, time=cued[worst][1])
+    yield checked("VRF418", *facts, where=where, notes=(note,))
 
 
 def _waited(

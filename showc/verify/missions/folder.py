@@ -8,8 +8,9 @@ language; whatever else lies there is a finding.
 
 from __future__ import annotations
 
+from itertools import groupby
 from math import degrees
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,13 +25,12 @@ from showc.verify.missions import language
 from showc.verify.missions.flight import boundaries, check_flight, visits
 from showc.verify.missions.law import KNOWN, fastest_level, parameter_file
 from showc.verify.missions.legs import Clock, fleet_legs, standing, to_show_frame
-from showc.verify.missions.lights import Lit, unlit
 from showc.verify.missions.separation import Tubes
 from showc.verify.report import Check, Verdict, agreement, checked
 from showc.verify.specification.cover import object_in, read_manifest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from showc.log.container import LogFile
     from showc.log.showc_pb2 import Site
@@ -44,6 +44,16 @@ ARDUPILOT, PX4 = 3, 12  # MAV_AUTOPILOT
 
 NEIGHBOURS = np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])[:, None]
 """A corner of whole 1e-7 degrees, and those about it [1e-7 deg]."""
+
+
+class Lit(NamedTuple):
+    """A colour of a drone's lights, and when it comes on."""
+
+    pulses: list[int]
+    """Pulse width of each output [us]."""
+    step: int
+    """Of a move: how many legs there are up to its end, -1 if that is not known. Of a
+    mission: how many legs and slots are behind it."""
 
 
 class Missions:
@@ -342,3 +352,63 @@ def _is_fence(found: Any, site: Site) -> bool:  # noqa: ANN401 - any JSON
         return False
     off = np.linalg.norm(level - wanted, axis=2)
     return bool((grid / 1e7 == corners).all() and (off[0] <= off + 1e-9).all())
+
+
+def unlit(
+    mission: language.Mission, asked: Sequence[Lit], servos: Sequence[int]
+) -> Iterator[str]:
+    """Say how a mission's lights differ from those that its moves ask for, in order.
+
+    A colour comes on the legs of its own move, from the slot of the first up to the
+    slot that follows the last; if a drone has none, on a slot in between.
+    """
+    new = [n for n, one in enumerate(asked) if not n or one[0] != asked[n - 1][0]]
+    try:
+        shown, steps = _shown(mission, asked[0], servos)
+    except ValueError as error:
+        yield str(error)
+        return
+    wanted = [asked[n].pulses for n in (new if servos else new[:1])]
+    if [one.pulses for one in shown] != wanted:
+        found = [one.pulses for one in shown]
+        yield f"shows {found}, the moves end in {wanted} us"
+    for one, at in zip(shown[1:], new[1:], strict=False):
+        before, last = asked[at - 1].step, asked[at].step
+        if min(before, last) < 0:
+            continue
+        low, high = steps[before] + 1, steps[min(last + 1, len(steps) - 1)] - 2
+        if before < last:
+            low, high = steps[before + 1] - 1, steps[last]
+        if not low <= one.step <= high:
+            yield f"shows {one.pulses} us on the legs of another move"
+
+
+def _shown(
+    mission: language.Mission, dark: Lit, servos: Sequence[int]
+) -> tuple[list[Lit], list[int]]:
+    """Return what a mission shows one after the other, dark at first.
+
+    Also returns how many legs and slots there are up to the end of each leg. ValueError
+    if it sets an output that is not one of them, or twice at once, or to no avail; or
+    not all of them before it flies.
+    """
+    found, steps, step = [dark], [0], 0
+    now: dict[int, int] = {}
+    for word, some in groupby(mission.items, key=lambda item: item.word):
+        items = list(some)
+        if word != "V":
+            for _ in items if word in "TWLCGP" else ():
+                step += 1
+                steps += [step] * (word in "TWL")
+            continue
+        own = {int(item.parameters[0]): int(item.parameters[1]) for item in items}
+        if not now and (step > 1 or own.keys() != {*servos}):
+            raise ValueError("does not set its outputs, and those alone, at first")
+        if len(own) < len(items) or own.items() & now.items() or own.keys() - {*servos}:
+            raise ValueError("sets an output that the script does not name, or again")
+        now |= own
+        pulses = [now.get(pin, was) for pin, was in zip(servos, dark[0], strict=True)]
+        found += [Lit(pulses, step)] * (pulses != found[-1].pulses)
+    if now.keys() != {*servos}:
+        raise ValueError("does not set its outputs")
+    return found, steps

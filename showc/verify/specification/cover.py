@@ -69,9 +69,8 @@ def read_anchor(
         result = read_show(text, path=name, attached=inputs)
     else:
         text = read_file(script, CAPS["script"])
-        result = read_show(
-            text, path=str(script), folder=script.parent, allow_outside=True
-        )
+        ways: Any = {"folder": script.parent, "allow_outside": True}
+        result = read_show(text, path=str(script), **ways)
         if content not in {None, text}:
             bad.append("the script in the log is another one than the script given")
         wanted = {} if result.show is None else dict(result.show.source.inputs)

@@ -20,7 +20,7 @@ from showc.light.keyframes import PARKED, Lit, keyframes_of
 from showc.light.program import LaneMove, LightProgram, LightSpan, lane_spans, shown
 from showc.log import showc_pb2 as pb
 from showc.log.facts import rules_of
-from showc.script.lanes import arrival, chapters, common, departure, own_times
+from showc.script.lanes import arrival, chapters, common, cue, departure, own_times
 from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, REACHED
 from showc.verify.report import Check, agreement
@@ -55,6 +55,8 @@ class Move:
     """Where they are when it has ended, shape (n, 3) [m]."""
     held: float = 0.0
     """For how long they are held there before they fly on, at least [s]."""
+    cue: tuple[float, bool] | None = None
+    """Show time that the script gives it [s], and whether it is the arrival's."""
 
 
 @dataclass(slots=True)
@@ -192,7 +194,14 @@ class _Walk:
             to = self._unused(f"{to} in motion")
         duration = None if own else common(transitions)
         count = sum(1 + bool(one.motion) for one in transitions) if own else 0
-        segment = self._leg("transition", name, to, duration=duration, moves=count)
+        segment = self._leg(
+            "transition",
+            name,
+            to,
+            duration=duration,
+            moves=count,
+            given=cue(transitions),
+        )
         flights = [motion.Flight(segment.start, segment.end) for _ in transitions]
         if own:
             lanes = motion.Lanes(self.logged, segment, transitions, show.groups)
@@ -260,7 +269,7 @@ class _Walk:
             self.placed.append(one)
             times = flight.begin, flight.end - flight.begin
             own = segment.message.index, transition.name, *times, members, goals
-            moved.append(Move(*own, transition.hold))
+            moved.append(Move(*own, transition.hold, cue([transition])))
             if flight.until:
                 self._moved(segment, one, flight, last=last)
                 resting[members] = not (last and transition.under_way[1])
@@ -363,11 +372,12 @@ class _Walk:
         duration: float | None = None,
         least: float = 0.0,
         moves: int = 0,
+        given: tuple[float, bool] | None = None,
     ) -> Segment:
         """Take the next leg of the log, which must be the one asked for.
 
         It lasts ``duration`` [s], or ``least`` or more if that is None; ``moves``
-        groups have times of their own in it.
+        groups have times of their own in it. Its cue is the one ``given``.
         """
         if self.next >= len(self.logged.segments):
             raise motion.StrayError(f"the log lacks the leg “{name}”")
@@ -396,7 +406,8 @@ class _Walk:
             self.demands.legs += unlike(found, wanted, f"“{name}”: {key}")
         if not (moves or kind in {"hold", "motion"}):
             own = message.index, name, segment.start, segment.duration
-            self.demands.moves.append(Move(*own, self.fleet, segment.goals))
+            last = Move(*own, self.fleet, segment.goals, cue=given)
+            self.demands.moves.append(last)
         self.next += 1
         self.end, self.leaving = segment.end, False
         self.before, self.position, self.at = self.position, segment.goals, to
