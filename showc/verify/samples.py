@@ -103,9 +103,8 @@ def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
         part = np.clip(times[begin : begin + step, None], *ends)
         row = tracks.at(drones, part)
         start, end = table.start[row], table.end[row]
-        share, row = np.clip((part - start) / (end - start), 0.0, 1.0), row.ravel()
-        bases = (basis(one.shape[1] - 1, share.reshape(-1, 1)) for one in both)
-        values = [own @ one[row] for own, one in zip(bases, both, strict=True)]
+        share = np.clip((part - start) / (end - start), 0.0, 1.0).reshape(-1, 1)
+        values = [basis(one.shape[1] - 1, share) @ one[row.ravel()] for one in both]
         result[begin * drones.size :][: row.size] = np.concatenate(values, axis=2)[:, 0]
     return result.reshape(times.size, drones.size, -1)
 

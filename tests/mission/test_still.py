@@ -557,3 +557,30 @@ landing: {altitude: 5}
 def test_groups_that_end_above_their_pads_keep_their_slack(tmp_path):
     found = verified(tmp_path, ONE_BY_ONE)
     assert found.proved, found.verdict
+
+
+FASTER = """\
+showc: 1
+drones: 6
+mission: {slack: 0}
+pads: {type: grid, columns: 2, step: 3}
+launch: {altitude: 3, hold: 0}
+formations:
+  row: {type: grid, columns: 6, step: 3, centre: [-15, 9, 6]}
+  column: {type: grid, columns: 1, step: 3, centre: [-15, 0, 12]}
+  away: {type: grid, columns: 1, step: 3, centre: [60, 9, 6]}
+transitions:
+  - {to: row, at: 43, duration: 8, hold: 1}
+  - {to: column, at: 80, duration: 8, hold: 5}
+  - {to: away, at: 110, assignment: fixed}
+landing: {altitude: 3, hold: 3}
+"""
+
+
+def test_a_move_that_missions_fly_faster_leaves_later_and_is_proved(tmp_path):
+    """In the log it takes the whole time up to when it has to arrive."""
+    found = verified(tmp_path, FASTER)
+    manifest = json.loads((tmp_path / "show/manifest.json").read_text())
+    last = manifest["missions"]["prediction"]["legs"][2]
+    assert last["slot"] - last["optimal_start"] > 3.25
+    assert failed(found) == set() and found.missions == "proved"

@@ -176,38 +176,38 @@ def _check_slots(
     climbed = fleet.climbs + 2.0 * CONSTANTS["spread"] + pause
     likely[climb] = over[climb] = climbed
     leaves, (alone, lit) = fleet.leaves, fleet.alone.T
-    some = (timed, alone.astype(np.int64)), (fleet.release[timed], lit)
-    legs, times = map(np.concatenate, some)
-    spare, after = [times - over[legs - 1]], [legs]
+    legs = np.concatenate([timed, alone.astype(np.int64)])
+    slots = np.stack([fleet.release, np.fmax(over, likely)])[:, timed]
+    slots = np.concatenate([slots, [lit, lit]], axis=1).T
+    spare = [(legs, slots[:, 0] - over[legs - 1])]
     done, rests = climbed.copy(), [(-np.inf, float(climbed.max()))]
     # A move that no drone flies takes what is waited after each, or as in the log.
     at, aside, least = climb - 1, 0.0, (latest - flights.duration).max()
-    flown: list[tuple[float, float]] = []
+    flown: list[tuple[Move, float, float]] = []
     for number, move in enumerate(logged[:-1]):
         if number and move.segment != logged[number - 1].segment:
             done[:] = done.max()
-            after.append(at + 1)
-            spare.append(leaves[at + 1] - done)
-        ends, first = reached[move.drones, number], at[move.drones] + 1
+            spare.append((at + 1, leaves[at + 1] - done))
+        ends, on = reached[move.drones, number], at[move.drones] + 1
         shift = np.abs(fleet.end[ends] - fleet.end[at[move.drones]])
         stays, at[move.drones] = shift.max(axis=1) < 2.0 * CONSTANTS["rounding"], ends
-        flown.append((leaves[first[~stays]].min(initial=np.inf), likely[ends].max()))
-        begun = max(float(done[move.drones].max()), flown[-1][1])
+        flown.append((move, leaves[on[~stays]].min(initial=np.inf), likely[ends].max()))
+        begun = max(float(done[move.drones].max()), flown[-1][2])
         begun = begun if number else float(fleet.climbs.max()) - CONSTANTS["tick"]
         end, follows = max(float(over[ends].max()), begun + move.held), ends + 1
         if move is logged[-2]:
-            end = max(arrives for _, arrives in flown) - pause
+            end = max(arrives for *_, arrives in flown) - pause
             follows = ends[stays] + 1 if own else fleet.first[1:] - 1
         done[move.drones] = end
         aside = aside + max(least, move.duration) if stays.all() else 0.0
         rests.append((begun, end + aside))
-        after.append(follows)
-        spare.append(leaves[follows] - end)
-    every = np.concatenate(spare)
-    worst, leg = float(every.min()), np.concatenate(after)[int(np.argmin(every))]
+        spare.append((follows, leaves[follows] - end))
+    after, every = (np.concatenate(one) for one in zip(*spare, strict=True))
+    worst, leg = float(every.min()), after[int(np.argmin(every))]
     where = Place(int(fleet.owner[leg]) + 1, time=float(leaves[leg]))
-    free = np.concatenate([np.fmax(over, likely)[timed], lit])
-    spans = np.concatenate([np.stack([times, free], axis=1), rests])
+    # Flown in less time than in the log, a move that is to arrive leaves later.
+    late = [(b - one.duration, min(a, b)) for one, a, b in flown if one.cue]
+    spans = np.concatenate([slots, rests, np.reshape(late, (-1, 2))])
     waited, when = _waited(fleet, reached, logged, legs, spans)
     note = f"{legs.size:,} slots, at least {pause:g} s after the latest end"
     value, holds = worst if legs.size else 0.0, worst >= -CONSTANTS["same"]
@@ -217,23 +217,22 @@ def _check_slots(
         value, holds, where = -waited, False, Place(time=when)
         note = f"no drone flies for {waited:.1f} s longer than slots need"
     yield checked("VRF408", holds, value, 0.0, "s", where=where, notes=(note,))
-    ended = np.concatenate([np.fmax(over, likely)[timed], [end for _, end in rests]])
-    yield from _check_cues(logged, flown, np.sort(ended))
+    ended = np.sort([*slots[: timed.size, 1], *(end for _, end in rests)])
+    yield from _check_cues(flown, ended)
 
 
 def _check_cues(
-    logged: list[Move], flown: list[tuple[float, float]], ended: FloatArray
+    flown: list[tuple[Move, float, float]], ended: FloatArray
 ) -> Iterator[Check]:
     """Whether moves keep the script's times, if show time 0 is as the first have it.
 
-    Of ``logged`` moves ``flown`` says when the first drone leaves, if one does, and the
-    last has come; ``ended`` is when legs and holds surely have, increasing [s]. A late
-    move must leave straight after one of these. One of groups may leave in time for the
-    log's flight, and fly more slowly.
+    With each move stands when its first drone leaves, infinite if none does, and when
+    its last has come; ``ended`` is when legs and holds surely have, increasing [s]. A
+    late move must leave straight after one of these. One of groups may leave in time
+    for the log's flight, and fly more slowly.
     """
-    cued = [(one, *when) for one, when in zip(logged, flown, strict=False) if one.cue]
-    segments, found = [one.segment for one, *_ in cued], []
-    cued = [one for one in cued if one[1] < np.inf]
+    segments, found = [one.segment for one, *_ in flown if one.cue], []
+    cued = [one for one in flown if one[0].cue and one[1] < np.inf]
     for move, left, comes in cued:
         time, arrives = move.cue or (0.0, False)
         off = (comes if arrives else left) - time

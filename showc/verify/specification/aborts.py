@@ -199,7 +199,7 @@ class Aborts:
             every = np.sort(np.stack([times[:-1], times[1:]], axis=1), axis=1)
             changes = np.array(row.changes)[:, None, None]
             changed = np.flatnonzero(changes)
-            # So many at once that pairs with curves do not fill the memory.
+            # In blocks, so that pairs with curves do not fill the memory.
             for some in np.array_split(changed, 1 + changed.size * end.size // 50_000):
                 ends = every[some]
                 of, met = np.nonzero((begin <= ends[:, 1:]) & (ends[:, :1] <= end))
