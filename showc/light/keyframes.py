@@ -134,38 +134,33 @@ def _before(track: Keyframes, times: FloatArray) -> FloatArray:
 
 def placed(
     show: Show,
-    transitions: Sequence[Transition],
+    one: Transition,
     places: FloatArray,
     own: Sequence[int] | IntArray,
 ) -> list[Lit]:
-    """Return the keys of transitions flown together, with drones and their places.
+    """Return the keys of a transition, if it has any, with the places of its drones.
 
     Parameters
     ----------
     show
-        With groups and formations.
-    transitions
-        One of the whole fleet, or several of groups.
+        With the formations.
+    one
+        Of the whole fleet, or of a group that flies in the time of the fleet.
     places
-        Where all drones stand, shape (drones, 3) [m].
+        Where its drones stand, shape (n, 3) [m].
     own
-        Place of each drone where the fleet flies as one, shape (drones,).
+        Place of each where the fleet flies as one, shape (n,).
     """
-    found: list[Lit] = []
-    for one in transitions:
-        if not one.lights:
-            continue
-        if one.group is None:
-            found.append(Lit(one.lights, np.arange(show.drones), np.array(own)))
-            continue
-        members = np.asarray(show.groups[one.group])
-        points = show.formations[one.to].points
-        apart = np.linalg.norm(places[members][:, None] - points[None], axis=-1)
-        nearest = apart.argmin(axis=1)
-        standing = apart[np.arange(members.size), nearest] < _HERE
-        places_of = np.where(standing, nearest, PARKED)
-        found.append(Lit(one.lights, members, places_of))
-    return found
+    if not one.lights:
+        return []
+    every = np.arange(len(places))
+    if one.group is None:
+        return [Lit(one.lights, every, np.array(own))]
+    points = show.formations[one.to].points
+    apart = np.linalg.norm(places[:, None] - points[None], axis=-1)
+    nearest = apart.argmin(axis=1)
+    standing = apart[every, nearest] < _HERE
+    return [Lit(one.lights, every, np.where(standing, nearest, PARKED))]
 
 
 _HERE = 1e-3

@@ -19,7 +19,7 @@ from showc.light.keyframes import Lit, keyframes_of, placed
 from showc.script.lanes import chapters
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from showc.light.keyframes import Keyframes
     from showc.plan.itinerary import Leg
     from showc.script.show import Effect, Formation, Show, Transition
+
+    Share = tuple[Transition | None, IntArray]  # what is flown, None: waiting; drones
 
 
 _FLASH = 0.25
@@ -242,14 +244,14 @@ class LightProgram:
         together = {index: flown for flown in chapters(show) for index in flown}
         spans: list[LightSpan] = []
         ends = [float(s) + d for s, d in zip(starts, durations, strict=True)]
-        lit = -1
+        done = -1
         for number, leg in enumerate(legs):
             start, duration = float(starts[number]), durations[number]
             if leg.parts:
                 # The hold after it belongs to what each group does last.
                 after = legs[number + 1 : number + 2]
                 held = any(one.kind == "hold" for one in after)
-                lit = number + held
+                done = number + held
                 moves = [
                     LaneMove(
                         show.transitions[part.transition or 0],
@@ -261,32 +263,18 @@ class LightProgram:
                     for part in leg.parts
                     if not part.motion
                 ]
-                for span in lane_spans(show, moves, present.copy(), (start, ends[lit])):
+                window = start, ends[done]
+                for span in lane_spans(show, moves, present.copy(), window):
                     spans.append(span)
                     present[span.drones] = span.linear(np.array([span.duration]))[0]
-            if number <= lit:
+            if number <= done:
                 continue
-            holding = leg.kind in {"hold", "motion"}
-            begin = present[leg.drones]
-            keys = None
-            if holding and leg.transition is not None:
-                flown = [show.transitions[k] for k in together[leg.transition]]
-                own = placed(show, flown, leg.start, leg.places)
-                keys = keyframes_of(begin, start, own)
-            span = LightSpan(
-                start=start,
-                duration=duration,
-                drones=leg.drones,
-                begin=begin,
-                end=begin if holding else _place_colours(show, leg),
-                fade=_fade(show, leg),
-                effect=_effect(show, leg) if holding else None,
-                places=leg.goal,
-                keys=keys,
-            )
-            spans.append(span)
-            # A fade starts from what an effect leaves, so that nothing jumps.
-            present[leg.drones] = span.linear(np.array([span.duration]))[0]
+            flown = () if leg.transition is None else together[leg.transition]
+            for share in _shares(show, [show.transitions[k] for k in flown]):
+                span = _span(show, leg, share, (start, duration), present)
+                spans.append(span)
+                # A fade starts from what an effect leaves, so that nothing jumps.
+                present[span.drones] = span.linear(np.array([duration]))[0]
         return cls(show.drones, max(ends), tuple(spans))
 
     def linear(self, times: ArrayLike) -> FloatArray:
@@ -335,14 +323,40 @@ def _place_colours(show: Show, leg: Leg) -> FloatArray:
     return np.where(parked[:, None], 0.0, colours[np.where(parked, 0, leg.places)])
 
 
-def _fade(show: Show, leg: Leg) -> str:
-    return "linear" if leg.transition is None else show.transitions[leg.transition].fade
+def _shares(show: Show, flown: Sequence[Transition]) -> Iterator[Share]:
+    """Yield what is flown in one time, each with its drones; last, those that wait."""
+    waits = np.ones(show.drones, dtype=bool)
+    for one in flown:
+        group = range(show.drones) if one.group is None else show.groups[one.group]
+        drones = np.array(group)
+        waits[drones] = False
+        yield one, drones
+    if waits.any():
+        yield None, np.flatnonzero(waits)
 
 
-def _effect(show: Show, leg: Leg) -> Effect | None:
-    """Effect over a hold: the transition's, else the formation's."""
-    if leg.transition is not None:
-        effect = show.transitions[leg.transition].effect
-        if effect is not None:
-            return effect
-    return show.formations[leg.to_formation].effect
+def _span(
+    show: Show,
+    leg: Leg,
+    share: Share,
+    window: tuple[float, float],
+    present: FloatArray,
+) -> LightSpan:
+    """Return the light of a share of a leg; ``window`` is its start, and how long.
+
+    It begins with the colours that are ``present`` (drones, 3). Drones that wait while
+    groups fly have no fade of theirs, and no effect.
+    """
+    (one, drones), (start, duration) = share, window
+    begin, fade, effect, keys = present[drones], "linear", None, None
+    end = begin if leg.kind in {"hold", "motion"} else _place_colours(show, leg)[drones]
+    if end is not begin:
+        fade = fade if one is None else one.fade
+    elif one is not None:
+        effect = one.effect or show.formations[one.to].effect
+        lit = placed(show, one, leg.start[drones], leg.places[drones])
+        keys = keyframes_of(begin, start, lit)
+    elif leg.transition is None:
+        effect = show.formations[leg.to_formation].effect
+    goals = leg.goal[drones]
+    return LightSpan(start, duration, drones, begin, end, fade, effect, goals, keys)

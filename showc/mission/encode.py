@@ -22,6 +22,7 @@ from showc.mission.items import (
     SpeedKind,
     without_position,
 )
+from showc.script.lanes import chapters, own_times
 from showc.script.rules.missions import pulse_widths
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ class Encoder:
 
     def _leg(self, writers: list[_Writer], scheduled: ScheduledLeg) -> None:
         shown = pulse_widths(self.show.mission, leg_colours(self.show, scheduled.leg))
-        moment = self._moment(scheduled.leg)
+        changes = change_moments(self.show, scheduled.leg)
         # For all drones at once: for each alone it would take far longer.
         stages = [Moments(*one) for one in scheduled.tracked]
         rows = [
@@ -115,15 +116,14 @@ class Encoder:
             own = [number for number, row in enumerate(rows) if drone in row]
             own = own or [*range(len(stages))]
             last = len(own) - 1
+            moment = changes[place]
+            # Nothing says that PX4 waits with single items during a leg.
+            if self.autopilot == "px4" and moment == "middle":
+                moment = "start"
             lit = own[{"start": 0, "middle": last // 2, "end": last}[moment]]
             for number, moments in enumerate(stages):
                 colour = shown[place] if number == lit else None
                 writers[drone].leg(moments, rows[number].get(drone), colour, moment)
-
-    def _moment(self, leg: Leg) -> Moment:
-        moment = change_moment(self.show, leg)
-        # Nothing says that PX4 waits with single items during a leg.
-        return "start" if self.autopilot == "px4" and moment == "middle" else moment
 
 
 class Moments:
@@ -324,15 +324,23 @@ def leg_colours(show: Show, leg: Leg) -> FloatArray:
     return np.asarray(np.where(placed[:, None], chosen, 0.0))
 
 
-def change_moment(show: Show, leg: Leg) -> Moment:
-    """When during ``leg`` its drones change colour.
+def change_moments(show: Show, leg: Leg) -> list[Moment]:
+    """When during ``leg`` each of its drones changes colour.
 
     A servo item changes at once; an even fade becomes one change half way.
     """
+    changes: list[Moment] = ["start"] * leg.drones.size
     if leg.transition is None:
-        return "start"
-    fade = show.transitions[leg.transition].fade
-    return "middle" if fade == "linear" else fade
+        return changes
+    chapter = next(some for some in chapters(show) if leg.transition in some)
+    flown = [show.transitions[k] for k in chapter]
+    if own_times(flown):
+        flown = [show.transitions[leg.transition]]
+    for one in flown:
+        own = leg.drones if one.group is None else np.array(show.groups[one.group])
+        for place in np.flatnonzero(np.isin(leg.drones, own)).tolist():
+            changes[place] = "middle" if one.fade == "linear" else one.fade
+    return changes
 
 
 def lights_left_out(show: Show) -> tuple[str, ...]:

@@ -304,10 +304,9 @@ class _Builder:
             reasons.append(given.reason)
         reached = {transition.group: transition.to for transition in transitions}
         name = " + ".join(f"{group} in {to}" for group, to in reached.items())
-        effects = [t.effect or self.show.formations[t.to].effect for t in transitions]
         mark = transitions[0].mark
         points, self.position = self.position, stood
-        joined = self._added(name, points, colours, mark, effects[0])
+        joined = self._added(name, points, colours, mark)
         reason = "; ".join(dict.fromkeys(reasons))
         return joined, Assignment(self.fleet, np.inf, reason), tuple(parts)
 

@@ -14,7 +14,9 @@ from synthetic import vertical_flight
 from showc.flight import Flight
 from showc.light import LightProgram, srgb_bytes
 from showc.light.colour import drive_bytes, full_hue, linear_light
+from showc.plan import build_itinerary
 from showc.plan.itinerary import Itinerary
+from showc.script import read_show
 from showc.script.show import Effect, LightKey
 
 FLIGHT = vertical_flight(4)
@@ -241,3 +243,33 @@ def test_places_without_a_colour_yet_go_to_their_first_one():
     assert np.allclose(light[:, drone[0]], blue)
     assert np.allclose(light[:, drone[1]], [half, blue, blue])
     assert np.allclose(light[:, drone[2]], ORANGE)
+
+
+GROUPS = b"""\
+showc: 1
+drones: 3
+groups: {first: [1], second: [2]}
+formations:
+  all: {type: line, length: 8, centre: [0, 0, 12], colour: white}
+  left: {type: points, points: [[-4, 4, 12]], colour: red, effect: strobe}
+  middle: {type: points, points: [[0, 4, 12]], colour: blue}
+transitions:
+  - {to: all, assignment: fixed, hold: 2}
+  - {to: left, group: first, fade: end, hold: 4}
+  - {to: middle, group: second, fade: start, hold: 4}
+"""
+
+
+def test_groups_in_one_time_have_fades_and_effects_of_their_own():
+    """Drones of no group keep their colours, and have no effect."""
+    itinerary = build_itinerary(read_show(GROUPS).show)
+    durations = [leg.duration or 4.0 for leg in itinerary.legs]
+    starts = np.cumsum([0.0, *durations[:-1]])
+    program = LightProgram.over(itinerary.show, itinerary.legs, starts, durations)
+    move = next(n for n, leg in enumerate(itinerary.legs) if "left" in leg.name)
+    _, blue, white = linear_light([[255, 0, 0], [0, 0, 255], [255, 255, 255]])
+    under_way = program.linear(starts[move] + np.array([0.1, 2.0, 3.9]))
+    assert np.allclose(under_way, [white, blue, white])
+    held = program.linear(np.linspace(starts[move + 1] + 0.6, starts[move + 1] + 3.9))
+    assert np.allclose(held[:, 1:], [blue, white])
+    assert {*held[:, 0, 0].round(6)} == {0.0, 1.0} and not held[:, 0, 1:].any()

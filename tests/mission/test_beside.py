@@ -274,3 +274,38 @@ def test_moves_on_their_cues_are_proved(cued):
 def test_slots_off_their_cues_are_caught_where_all_else_is_kept(cued, moves):
     """The fleet waits there in the log too, and holds what it holds."""
     assert cued.caught(moved(cued, moves)) == {"VRF418"}
+
+
+FADES = """\
+showc: 1
+drones: 3
+mission: {light_servos: [9, 10, 11]}
+pads: {type: line, length: 8}
+launch: {altitude: 8, hold: 1}
+groups: {first: [1], second: [2]}
+formations:
+  all: {type: line, length: 8, centre: [0, 3, 10], colour: white}
+  left: {type: points, points: [[-4, 9, 10]], colour: red}
+  middle: {type: points, points: [[0, 9, 10]], colour: blue}
+transitions:
+  - {to: all, assignment: fixed, hold: 2}
+  - {to: left, group: first, fade: end, hold: 2}
+  - {to: middle, group: second, fade: start, hold: 2}
+landing: {altitude: 8}
+"""
+
+
+def test_groups_in_one_time_change_their_colours_each_at_its_moment(tmp_path):
+    show = read_show(FADES.encode()).show
+    case = Case(tmp_path, formula_flight(build_itinerary(show)))
+    assert case.failures() == set()
+    changes = []
+    for drone in (1, 2, 3):
+        table = rows(case.files[f"missions/drone_{drone:04d}.waypoints"])
+        commands = [int(row[3]) for row in table]
+        lit = [k for k, command in enumerate(commands) if command == 183]
+        # All three outputs when it is armed, and again for white.
+        changes.append([commands[k - 1] for k in lit[6:] if commands[k - 1] != 183])
+    # Red comes behind the waypoint, blue behind the slot; the third stays white.
+    assert [own[:1] for own in changes[:2]] == [[16], [93]]
+    assert len(changes[2]) < len(changes[0])

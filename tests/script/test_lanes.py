@@ -240,3 +240,12 @@ def test_groups_that_swap_their_places_at_once_are_right():
     assert "SHW208" not in {one.code for one in result.diagnostics}
     # One that comes where the other stays is wrong.
     assert "SHW208" in {one.code for one in read(*swap).diagnostics}
+
+
+def test_groups_in_one_time_cannot_take_different_times():
+    both = "to: up, group: a, duration: {}", "to: far, group: b, duration: 14"
+    found = fault(both[0].format(4), both[1])
+    assert found.code == "SHW213"
+    assert "takes 4 s, the groups that fly with it 14 s" in found.message
+    assert not read(both[0].format(14), both[1]).errors
+    assert not read("to: up, group: a", both[1]).errors

@@ -117,7 +117,7 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         least = max(taken, *(least_duration(show, row)[0] for row in members))
         for row, one in zip(members, together, strict=True):
             asked_for = one.duration or 0.0
-            if asked_for > taken + _MILLISECOND:
+            if asked_for and abs(asked_for - taken) > _MILLISECOND:
                 yield Diagnostic(
                     "SHW213",
                     f"`{one.name}` takes {number_text(asked_for)} s, the groups that "

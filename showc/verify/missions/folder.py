@@ -8,6 +8,7 @@ language; whatever else lies there is a finding.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from itertools import groupby
 from math import degrees
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -218,9 +219,11 @@ class Missions:
             ends = np.where(ends < 0, -1, ends + 1 - self.fleet.first[:-1, None])
         lit = [[Lit([dark] * len(servos), 0)] for _ in range(self.show.drones)]
         spans = () if self.asked.lights is None else self.asked.lights.spans
-        begun = {(round(one.start, 6), one.drones[0]): one.end for one in spans}
-        for number, move in enumerate(moves):
-            end = begun.get((round(move.start, 6), *move.drones[:1]), np.zeros((0, 3)))
+        begun: defaultdict[float, Any] = defaultdict(lambda: np.zeros((len(lit), 3)))
+        for one in spans:
+            begun[round(one.start, 6)][one.drones] = one.end
+        for number, move in enumerate(moves if spans else ()):
+            end = begun[round(move.start, 6)][move.drones]
             pulses = np.rint(dark + np.clip(end, 0.0, 1.0) * (full - dark)).astype(int)
             for drone, own in zip(move.drones, pulses.tolist(), strict=False):
                 lit[drone].append(Lit(own, int(ends[drone, number])))

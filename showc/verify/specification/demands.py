@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from showc.arrays import FloatArray, IntArray
-    from showc.script.show import Effect, Show, Transition
+    from showc.script.show import Show, Transition
     from showc.vehicle import Limits
     from showc.verify.kernel.show import LoggedShow, Segment
 
@@ -232,14 +232,10 @@ class _Walk:
                 self.spans.append(span)
                 self.lit[span.drones] = span.linear(np.array([span.duration]))[0]
             return
-        self._shine(segment, self.colours, first.fade)
+        self._shine(segment, self.colours, self.placed)
         hold = max(one.hold for one in transitions)
         moving = [self._moving(one) for one in self.placed if one.transition.motion]
-        after = self._hold(name, hold, moving)
-        # By the places of the goals: those that the log claims may be any.
-        lit = [Lit(m.transition.lights, m.drones, m.places) for m in self.placed]
-        effect = first.effect or show.formations[first.to].effect
-        self._shine(after, self.lit, "linear", effect, lit)
+        self._shine(self._hold(name, hold, moving), self.lit, self.placed)
 
     def _place(
         self,
@@ -466,21 +462,25 @@ class _Walk:
         self.places = self.fleet if places is None else places
 
     def _shine(
-        self,
-        segment: Segment | None,
-        end: FloatArray,
-        fade: str = "linear",
-        effect: Effect | None = None,
-        lit: Sequence[Lit] = (),
+        self, segment: Segment | None, end: FloatArray, flown: Sequence[LaneMove] = ()
     ) -> None:
+        """Add the light of a leg, or of a hold: of what is ``flown``, and of others."""
         if segment is None:
             return
-        start, goals = segment.start, segment.goals
-        keys = keyframes_of(self.lit, start, lit)
-        times = start, segment.duration, self.fleet
-        span = LightSpan(*times, self.lit, end, fade, effect, goals, keys)
-        self.spans.append(span)
-        self.lit = span.linear(np.array([span.duration]))[0]
+        others = np.setdiff1d(self.fleet, [d for one in flown for d in one.drones])
+        for move in [*flown, *[None] * bool(others.size)]:
+            drones = others if move is None else move.drones
+            begin, fade, effect, keys = self.lit[drones], "linear", None, None
+            if move is not None and segment.message.kind == pb.Segment.TRANSITION:
+                fade = move.transition.fade
+            elif move is not None:
+                one, every = move.transition, np.arange(drones.size)
+                effect = one.effect or self.show.formations[one.to].effect
+                lit = [Lit(one.lights, every, move.places)]
+                keys = keyframes_of(begin, segment.start, lit)
+            span = segment.start, segment.duration, drones, begin, end[drones], fade
+            self.spans.append(LightSpan(*span, effect, segment.goals[drones], keys))
+            self.lit[drones] = self.spans[-1].linear(np.array([segment.duration]))[0]
 
     def _wrong(self, segment: Segment, text: str) -> None:
         self.demands.places.append(f"“{segment.message.name}”: {text}")
