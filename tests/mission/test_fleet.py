@@ -474,7 +474,8 @@ def test_what_the_missions_leave_out_of_the_lights_is_said_by_group():
         else move
         for move in show.transitions
     )
-    lit = replace(show, formations={**show.formations, "red": red}, transitions=moves)
+    formations, groups = {**show.formations, "red": red}, {"left": (0, 1)}
+    lit = replace(show, formations=formations, groups=groups, transitions=moves)
     for autopilot in ("ardupilot", "px4"):
         missions = mission_files(
             Flight(Itinerary(lit, flight.itinerary.legs), flight.legs, flight.starts),
