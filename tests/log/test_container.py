@@ -1,0 +1,86 @@
+"""The container: what a log may unpack to, and that honest ones stay within it."""
+
+import struct
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+from showc.log import container
+from showc.log.chunks import ChunkWriter
+from showc.log.reader import read_log
+from showc.log.records import DamagedLogError
+from showc.log.sample import POINT
+from showc.log.scene import point_cloud
+from showc.log.writer import CHUNK_SIZE
+
+FIRST = 1_780_000_000_000_000_000
+STEP = 50_000_000
+
+
+def written(messages):
+    """A whole log of one topic."""
+    stream = BytesIO()
+    writer = ChunkWriter(stream, CHUNK_SIZE)
+    writer.begin("showc")
+    schema = writer.register_schema("cloud", "protobuf", b"as it is")
+    channel = writer.register_channel("/fleet/state", "protobuf", schema)
+    for number, message in enumerate(messages):
+        writer.add_message(channel, number, FIRST + STEP * number, message)
+    writer.finish()
+    return stream.getvalue()
+
+
+@pytest.fixture(scope="module")
+def bomb():
+    return written([bytes(1 << 24)] * 12)
+
+
+@pytest.mark.parametrize("drones", [110, 400, 1000])
+def test_a_long_hold_of_dark_drones_is_read(drones):
+    """Clouds that are all the same pack best; the ground before them adds nothing."""
+    points = np.zeros(drones, dtype=POINT)
+    side = np.arange(drones)
+    points["x"], points["y"], points["z"] = side % 32 * 3, side // 32 * 3, 20
+    clouds = 100_000_000 // points.nbytes
+    data = written(
+        point_cloud(FIRST + STEP * k, points).SerializeToString(deterministic=True)
+        for k in range(clouds)
+    )
+    log = container.open_log(data)
+    unpacked = sum(chunk.size for chunk in log.chunks)
+    assert log.times(1).size == clouds
+    assert 150 < unpacked / len(data) < 0.7 * container.GREATEST_RATIO
+
+
+def test_chunks_of_zeros_are_refused_before_they_are_unpacked(bomb, monkeypatch):
+    assert len(bomb) < 20_000
+    unpacked = []
+
+    def inflate(view, span, size):
+        unpacked.append(size)
+        return original(view, span, size)
+
+    original = container.inflate
+    monkeypatch.setattr(container, "inflate", inflate)
+    with pytest.raises(DamagedLogError, match=r"1,000 times the file") as damage:
+        container.open_log(bomb)
+    most = container.ANY_UNPACKED + container.GREATEST_RATIO * len(bomb)
+    assert sum(unpacked) <= most
+    offset = damage.value.offset
+    assert f"at byte {offset:,}" in str(damage.value)
+    # There is the chunk that would have been unpacked next.
+    opcode, _, _, _, size = struct.unpack_from("<BQQQQ", bomb, offset)
+    assert opcode == 0x06
+    assert sum(unpacked) + size > container.ANY_UNPACKED
+
+
+def test_the_reader_refuses_chunks_of_zeros(bomb):
+    with pytest.raises(DamagedLogError, match=r"1,000 times the file"):
+        read_log(bomb)
+
+
+def test_one_great_chunk_may_pack_well():
+    data = written([bytes(12_000_000)])
+    assert len(data) < 3_000
+    assert container.open_log(data).chunks[0].size > 12_000_000
