@@ -100,7 +100,8 @@ def decoding(
         goals = (np.array(one.goals).reshape(-1, 3) for one in messages)
         return LoggedShow(rules, tuple(map(Segment, messages, tables, goals)), epoch)
 
-    return [partial(_flown, log, times, k, drones) for k in range(len(times))], joined
+    each = partial(_flown, log, times, drones)
+    return [partial(each, k, one.duration) for k, one in enumerate(messages)], joined
 
 
 def _on(log: LogFile, topic: str) -> set[int]:
@@ -167,14 +168,12 @@ def _sound(message: pb.Segment, rules: pb.Rules) -> bool:
     numbers = [message.start, message.duration, *claims, *message.goals]
     return (
         list(message.drones) == list(range(rules.drones))
-        and len(message.places) == rules.drones
-        and len(message.goals) == 3 * rules.drones
+        and len(message.goals) == 3 * len(message.places) == 3 * rules.drones
         and len(message.moves) <= CAPS["segments"]
         and message.limits < len(rules.limits)
         and message.kind in pb.Segment.Kind.values()
         and all(abs(number) < LARGEST for number in numbers)
-        and message.start >= 0.0
-        and message.duration > 0.0
+        and message.start >= 0.0 < message.duration
         and all(
             max(len(one.witness.knots), len(one.statistics)) <= CAPS["knots"]
             for one in (certificate, *(move.certificate for move in message.moves))
@@ -211,7 +210,7 @@ def read_aborts(
     ):
         raise Damage(offset, "the abort table contradicts itself")
     flights = ((one, offset) for one in table.flights)
-    tables = (_table([*islice(flights, rules.drones)]) for _ in table.legs)
+    tables = (_table([*islice(flights, rules.drones)], x.duration) for x in table.legs)
     goals = (np.array(one.goals).reshape(-1, 3) for one in table.legs)
     return table, tuple(map(Segment, table.legs, tables, goals))
 
@@ -239,9 +238,9 @@ def _abort_table(content: bytes, rules: pb.Rules) -> pb.AbortTable:
 
 
 def _flown(
-    log: LogFile, times: Sequence[int], which: int, drones: dict[int, int]
+    log: LogFile, times: Sequence[int], drones: dict[int, int], which: int, lasts: float
 ) -> PieceTable:
-    """Gather the flights of a segment; ``drones`` are those of the channels."""
+    """Gather the flights of a segment that ``lasts`` [s]; drones are by channel."""
     flights = []
     for drone, logged in enumerate(log.messages({*drones}, which, len(times))):
         found = _parsed(pb.Trajectory, logged)
@@ -251,17 +250,17 @@ def _flown(
             raise Damage(logged.offset, "a trajectory is not in its turn")
         found.ClearField("meshes")  # of them nothing is proved
         flights.append((found, logged.offset))
-    return _table(flights)
+    return _table(flights, lasts)
 
 
-def _table(flights: Sequence[tuple[pb.Trajectory, int]]) -> PieceTable:
+def _table(flights: Sequence[tuple[pb.Trajectory, int]], lasts: float) -> PieceTable:
     """Join the flights of a segment, each with its offset; Damage if one is odd."""
-    tables = []
+    tables, most = [], min(CAPS["pieces"], CAPS["few"] + CAPS["pace"] * lasts)
     for one, offset in flights:
         breaks, pieces = np.array(one.breaks), len(one.breaks) - 1
         shapes = (one.state_degree + 1, WIDTHS[0]), (one.control_degree + 1, WIDTHS[1])
         both = [*zip((one.state, one.control), shapes, strict=True)]
-        if not 0 < pieces <= CAPS["pieces"] or not all(
+        if not 0 < pieces <= most or not all(
             terms <= CAPS["degree"] + 1 and len(some) == pieces * terms * width
             for some, (terms, width) in both
         ):

@@ -16,6 +16,7 @@ from verified import loaded, proved_flight, written
 from showc.errors import DamagedFileError
 from showc.log import showc_pb2 as pb
 from showc.verify import DamagedLogError, verify_log
+from showc.verify.decode import CAPS
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 
@@ -347,6 +348,27 @@ def test_a_segment_that_says_far_too_much_is_refused(data, tmp_path, many):
 
     content = changed(data, pb.Segment, "/show/segments", 0, change)
     with pytest.raises(DamagedLogError, match=r"larger than any|contradicts itself"):
+        verified(content, tmp_path)
+
+
+@pytest.mark.parametrize("more", [0, 1])
+def test_a_flight_of_more_intervals_than_its_time_takes_is_refused(
+    data, tmp_path, more
+):
+    """A hold cut into thousands packs into almost nothing, and takes long to prove."""
+
+    def change(flight):
+        (end,) = flight.breaks[1:]
+        pieces = CAPS["few"] + int(CAPS["pace"] * end) + more
+        flight.breaks[:] = np.linspace(0.0, end, pieces + 1)
+        flight.state.extend([*flight.state] * (pieces - 1))
+        flight.control.extend([*flight.control] * (pieces - 1))
+
+    content = changed(data, pb.Trajectory, "/drone/0002/trajectory", 1, change)
+    if not more:
+        assert verified(content, tmp_path).passed
+        return
+    with pytest.raises(DamagedLogError, match=r"contradicts itself, at byte [\d,]+"):
         verified(content, tmp_path)
 
 
