@@ -48,7 +48,7 @@ from showc.foreign.folder import (
     read_manifest,
     rules_to_json,
 )
-from showc.foreign.lights import FRAME, read_lights
+from showc.foreign.lights import FRAME, Budget, read_lights
 from showc.foreign.reading import read_show as read_foreign
 from showc.foreign.verdict import damaged
 from showc.log.additions import digest_of
@@ -76,6 +76,9 @@ nodes of the fit."""
 
 _FIGURES = {"value", "limit", "where", "notes"}
 """What a check says that rounding may change, and how its folder was named."""
+
+_BESIDE = 8
+"""Commands of a light program before its first sample and after its last, at most."""
 
 ROUNDING = 1e-6
 """How far rounding may carry a written flight beyond the tolerance [m]."""
@@ -211,10 +214,15 @@ def _lit(
         row = np.searchsorted(solved.light_times, moments - lead + 1e-9, side="right")
         shown = solved.lights[row - 1]
     worst, drone, time = 0.0, 0, 0.0
+    # Each sample takes two commands at most: one sets a colour, and one fades.
+    budget = Budget(solved.drones * (2 * solved.light_times.size + _BESIDE))
     for number, light in enumerate(written.lights):
         end = float(moments[-1]) + step
         if isinstance(light, bytes):
-            track = read_lights(light, written.names[number], end)
+            try:
+                track = read_lights(light, written.names[number], end, budget)
+            except DamagedFileError as error:
+                return [_check("VRF585", name, where, [str(error)])]
         elif light is not None:
             track = light
         off = np.abs(track.at(moments) - shown[:, number]).max(axis=1)

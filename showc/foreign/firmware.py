@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import DamagedFileError
-from showc.foreign.lights import read_lights
+from showc.foreign.lights import Budget, read_lights
 from showc.foreign.motion import ROWS_AT_ONCE, owners, values
 from showc.foreign.show import Stored
 from showc.verify.kernel.bernstein import elevate
@@ -473,6 +473,7 @@ def _lights(show: ForeignShow) -> Check:
     """Whether light programs are sound, and as long as the flight."""
     name = "light programs are sound"
     done: set[bytes] = set()
+    budget, until = Budget.of(show.lights), min(show.duration, 600.0)
     for drone, program in enumerate(show.lights):
         if not isinstance(program, bytes) or program in done:
             continue
@@ -483,7 +484,7 @@ def _lights(show: ForeignShow) -> Check:
             break
         done.add(program)
         try:
-            read_lights(program, show.names[drone], min(show.duration, 600.0))
+            read_lights(program, show.names[drone], until, budget)
         except DamagedFileError as error:
             return Check(
                 "VRF547",

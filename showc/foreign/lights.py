@@ -7,11 +7,15 @@ linear light; a fade is linear in each channel.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from showc.errors import DamagedFileError
 from showc.foreign.show import LightTrack
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 FRAME = 0.02
 """Length of a frame [s]: light programs count time in fiftieths of a second."""
@@ -27,8 +31,33 @@ between, 16 to 19, are colours by channels of a transmitter, and jumps: refused.
 MOST_STEPS = 200_000
 """Commands after which a program is read no further: an hour at the frame rate."""
 
+MOST_AT_ONCE = 100
+"""Commands within one instant: a lamp shows the last of them, more only take time."""
+
+MOST_COMMANDS = 2_000_000
+"""Commands of all programs of a show that are played, whatever loops they have."""
+
+_BYTES_EACH = 2
+"""Length at least of a command that lasts [bytes]: its number and its duration."""
+
 _DEEPEST = 4
 """Loops within loops that the firmware keeps."""
+
+
+@dataclass(slots=True)
+class Budget:
+    """Commands that the programs of one show may have together."""
+
+    most: int = MOST_COMMANDS
+    """All of them."""
+    spent: int = 0
+    """Played so far."""
+
+    @classmethod
+    def of(cls, programs: Iterable[object]) -> Self:
+        """Return that of a show: programs without loops never exceed it."""
+        size = sum(len(one) for one in programs if isinstance(one, bytes))
+        return cls(max(MOST_COMMANDS, size // _BYTES_EACH))
 
 
 @dataclass(slots=True)
@@ -49,6 +78,8 @@ class _Player:
     name: str
     until: int
     """Frame after which nothing is wanted."""
+    budget: Budget
+    """What the show's programs have left."""
     position: int = 0
     frame: int = 0
     times: list[int] = field(default_factory=lambda: [0])
@@ -56,6 +87,8 @@ class _Player:
     loops: list[_Loop] = field(default_factory=list)
     steps: int = 0
     """Commands so far."""
+    since: int = 0
+    """Commands before those of this instant."""
 
     def _byte(self) -> int:
         if self.position >= len(self.program):
@@ -102,10 +135,25 @@ class _Player:
             and self.steps < MOST_STEPS
         ):
             self.steps += 1
-            command = self._byte()
+            before, command = self.frame, self._byte()
             if command == END:
-                return
+                break
             self._step(command)
+            if self.frame != before:
+                self.since = self.steps
+            elif self.steps - self.since > MOST_AT_ONCE:
+                raise DamagedFileError(
+                    f"{self.name}: byte {self.position - 1} of the light program: more "
+                    f"than {MOST_AT_ONCE} commands at {self.frame * FRAME:g} s; export "
+                    "the lights again, with one colour an instant"
+                )
+            if self.budget.spent + self.steps > self.budget.most:
+                raise DamagedFileError(
+                    f"{self.name}: the light programs up to this one have more than "
+                    f"{self.budget.most:,} commands; export the lights again, with "
+                    "fewer colours or shorter loops"
+                )
+        self.budget.spent += self.steps
 
     def _step(self, command: int) -> None:
         if SET_COLOUR <= command <= FADE_WHITE:
@@ -149,15 +197,19 @@ class _Player:
         loop.frame, self.position = self.frame, loop.begin
 
 
-def read_lights(program: bytes, name: str, duration: float) -> LightTrack:
+def read_lights(
+    program: bytes, name: str, duration: float, budget: Budget | None = None
+) -> LightTrack:
     """Colours that a program shows over ``duration`` [s].
+
+    The ``budget`` is one for all programs of a show; None: this program has its own.
 
     Raises
     ------
     DamagedFileError
-        If it is no program; the message names the byte.
+        If it is no program, or is beyond the budget; the message names the byte.
     """
-    player = _Player(program, name, int(np.ceil(duration / FRAME)))
+    player = _Player(program, name, int(np.ceil(duration / FRAME)), budget or Budget())
     player.run()
     return LightTrack(
         np.array(player.times) * FRAME, np.array(player.colours, dtype=np.float64)

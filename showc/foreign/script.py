@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +28,7 @@ from showc.foreign.acts import (
     holds,
     row_step,
 )
-from showc.foreign.lights import FRAME, read_lights
+from showc.foreign.lights import FRAME, Budget, read_lights
 from showc.foreign.motion import place_at
 from showc.light.colour import srgb_bytes
 
@@ -193,9 +194,12 @@ def colours_at(show: ForeignShow, times: FloatArray) -> ByteArray | None:
     return result
 
 
+@lru_cache(maxsize=1)
 def _light_tracks(show: ForeignShow) -> list[LightTrack | None]:
+    """Play all programs, once a show."""
+    budget = Budget.of(show.lights)
     return [
-        read_lights(light, show.names[drone], show.duration)
+        read_lights(light, show.names[drone], show.duration, budget)
         if isinstance(light, bytes)
         else light
         for drone, light in enumerate(show.lights)
