@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from showc.foreign.fence import furthest_outside
+from showc.foreign.fence import RESOLUTION, Work, beyond_reach, furthest_outside
 from showc.foreign.motion import (
     Greatest,
     component,
@@ -152,13 +152,22 @@ def each_alone(show: ForeignShow, rules: list[Asked]) -> list[Check]:
         if asked.volume is not None:
             checks.append(_volume(tracks, asked))
         if asked.fence:
-            outside = over_fleet(tracks, partial(furthest_outside, fence=asked.fence))
-            checks.append(
-                _limited(
-                    "VRF508", f"outside the fence, {asked.source}", outside, 0.0, "m"
-                )
-            )
+            checks.append(_fenced(tracks, asked))
     return checks
+
+
+def _fenced(tracks: Tracks, asked: Asked) -> Check:
+    """How far drones leave the fence; what is not found within bounds is no proof."""
+    name, note = f"outside the fence, {asked.source}", beyond_reach(tracks, asked.fence)
+    if note is not None:
+        return Check("VRF508", GROUP, name, "fail", notes=(note,))
+    search = partial(furthest_outside, fence=asked.fence, work=Work())
+    found = over_fleet(tracks, search)
+    check = _limited("VRF508", name, found, 0.0, "m")
+    if found.upper <= max(found.lower, ROUNDING) + 2.0 * RESOLUTION:
+        return check
+    note = f"only that it is at most {found.upper:.3f} m is known: too many pieces"
+    return replace(check, verdict="fail", notes=(*check.notes, note))
 
 
 def _depth(tracks: Tracks) -> list[Check]:

@@ -47,6 +47,10 @@ FORMATS = {
 }
 """What readers call a format, by its name on the command line; none reads maps."""
 
+MOST_CORNERS = 100_000
+"""Corners of the fence in a manifest: as many as a list of a script may have entries.
+Flights are held against them as long as the pairs of both are few enough."""
+
 LARGEST_MANIFEST = 1 << 23
 """Longest manifest that is read [bytes]: that of 10,000 drones has a ninth of it, and
 one of brackets alone takes 0.25 GB of memory."""
@@ -125,6 +129,12 @@ def rules_from_json(content: Any, name: str) -> tuple[Asked, Separation]:  # noq
         raise DamagedFileError(
             f"{name}: its rules cannot be read ({error!r})"
         ) from None
+    corners = sum(len(polygon.points) for polygon in fence)
+    if corners > MOST_CORNERS or any(len(one.points) < 3 for one in fence):
+        raise DamagedFileError(
+            f"{name}: its fence has {corners:,} corners; wanted 3 or more of each "
+            f"polygon, and {MOST_CORNERS:,} in all"
+        )
     (x, y, z), (far_x, far_y, far_z) = volume.tolist()
     asked = Asked(
         "the script's",

@@ -16,6 +16,7 @@ from showc.documents.archive import Archive, References
 from showc.documents.numbers import array, number, places, rising
 from showc.documents.values import parse_json
 from showc.errors import DamagedFileError
+from showc.foreign.fence import MOST_CORNERS
 from showc.foreign.show import (
     Course,
     Courses,
@@ -42,9 +43,6 @@ MOST_DRONES = 5000
 
 MOST_POINTS = 50_000
 """Points of one drone: a quarter of an hour at 50 a second."""
-
-MOST_CORNERS = 1000
-"""Corners of all polygons of a fence: ten times what autopilots hold."""
 
 MOST_INNER = 6
 """Inner control points of a segment: degree 7."""

@@ -200,3 +200,17 @@ def test_rules_asked_for_are_proved_beside_those_of_the_export(vertical, tmp_pat
     tilt = said("--tilt", "20")
     assert isinstance(tilt.exception, UsageError)
     assert "--tilt 20" in str(tilt.exception)
+
+
+def test_a_manifest_with_a_flood_of_corners_is_damaged(vertical, tmp_path):
+    folder = export(
+        vertical, SOURCE, "skyb", tmp_path / "x", ExportOptions(10.0)
+    ).folder
+    manifest = json.loads((folder / MANIFEST).read_text())
+    manifest["rules"]["fence"] = [[[0, 0], [1, 0], [1, 1]]] * 33_334
+    (folder / MANIFEST).write_text(json.dumps(manifest))
+    found = verify_export(folder)
+    assert "100,002 corners" in found.check("VRF501").notes[0]
+    manifest["rules"]["fence"] = [[[0, 0], [1, 0]]]
+    (folder / MANIFEST).write_text(json.dumps(manifest))
+    assert "wanted 3 or more" in verify_export(folder).check("VRF501").notes[0]

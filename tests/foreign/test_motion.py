@@ -1,12 +1,22 @@
 """Bounds on motion, averages and fences, against dense samples."""
 
+import tracemalloc
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.foreign.facts import Asked, searches
-from showc.foreign.fence import furthest_outside, inside_by
+from showc.foreign.facts import Asked, each_alone, searches
+from showc.foreign.fence import (
+    MOST_PAIRS,
+    Work,
+    along,
+    beyond_reach,
+    furthest_outside,
+    inside_by,
+)
 from showc.foreign.motion import (
     derivative,
     difference,
@@ -17,7 +27,7 @@ from showc.foreign.motion import (
     place_at,
     portions,
 )
-from showc.foreign.show import Course, FencePolygon, fleet, polyline
+from showc.foreign.show import Course, FencePolygon, ForeignShow, fleet, polyline
 from showc.foreign.smoothing import (
     Agility,
     average,
@@ -205,3 +215,70 @@ def test_the_way_outside_a_fence_is_enclosed(seed):
     assert outside.max() <= found.upper
     reached = place_at(tracks, found.time)[found.drone, :2]
     assert -inside_by(reached[None], fence[0])[0] == pytest.approx(found.lower)
+
+
+@given(
+    *[st.tuples(st.floats(-2, 12), st.floats(-2, 12))] * 2,
+    st.booleans(),
+)
+def test_a_way_that_crosses_no_border_keeps_its_distance(begin, end, inclusion):
+    polygon = FencePolygon(inclusion, L_SHAPE)
+    ends = np.array([begin, end])
+    near = along(ends[:1], ends[1:], polygon)[0]
+    share = np.linspace(0.0, 1.0, 201)[:, None]
+    depth = inside_by((1.0 - share) * ends[0] + share * ends[1], polygon)
+    if near > 0.0 and depth[[0, -1]].min() > 0.0:
+        assert depth.min() >= min(near, depth[0], depth[-1]) - 1e-9
+    if depth.min() < -1e-6 and depth.max() > 1e-6:
+        assert near == 0.0
+
+
+WALLS = FencePolygon(True, 100.0 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]]))
+
+
+def test_flights_along_a_wall_are_not_cut_into_crumbs():
+    places = np.zeros((400, 3))
+    places[:, 0], places[:, 1] = 90.0 * (np.arange(400) % 2) - 45.0, 99.0
+    tracks = fleet([polyline(10.0 * np.arange(400.0), places)])
+    work = Work()
+    found = furthest_outside(tracks, (WALLS,), work)
+    assert (found.lower, found.upper) == pytest.approx((-1.0, -1.0 + 1e-4))
+    assert work.left == MOST_PAIRS - 4 * 399
+
+
+def test_a_search_that_ends_early_still_encloses():
+    places = np.array([[0.0, 0, 5], [0, 150, 5], [0, 0, 5]])
+    tracks = fleet([polyline(np.array([0.0, 40, 90]), places)])
+    far = FencePolygon(True, WALLS.points * [1.0, 0.9])
+    found = furthest_outside(tracks, (far, WALLS), Work(1))
+    assert found.lower <= 60.0 <= found.upper
+
+
+def test_memory_does_not_grow_with_the_corners_of_a_fence():
+    angle = np.linspace(0.0, 2.0 * np.pi, 1000, endpoint=False)
+    ring = FencePolygon(True, 9.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    points = np.zeros((2000, 2))
+    tracemalloc.start()
+    inside_by(points, ring)
+    along(points, points + 1.0, ring)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 20e6
+    assert "fewer corners" in beyond_reach(
+        SimpleNamespace(starts=np.zeros(200_000)), (ring,)
+    )
+
+
+def test_a_fence_that_is_not_judged_to_the_end_is_no_proof(monkeypatch):
+    places = np.array([[0.0, 0, 5], [0, 90, 5], [0, 0, 5]])
+    tracks = fleet([polyline(np.array([0.0, 40, 90]), places)])
+    show = ForeignShow("x", "x", "x", ("d",), tracks)
+    notch = np.array([[-99, -99], [99, -99], [99, 99], [1, 99], [0, 91], [-1, 99.0]])
+    rules = [Asked("asked", fence=(FencePolygon(True, notch),))]
+
+    def judged():
+        return next(one for one in each_alone(show, rules) if one.code == "VRF508")
+
+    assert judged().verdict == "pass"
+    monkeypatch.setattr("showc.foreign.facts.beyond_reach", lambda *_: "too many")
+    assert (judged().verdict, judged().notes) == ("fail", ("too many",))
