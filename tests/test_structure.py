@@ -69,7 +69,8 @@ MAY_IMPORT = {
     | {"light", "log.showc_pb2", "log.scene", "log.facts", "log.sample", "log.schema"}
     | {"log.container", "log.records"},
     "foreign": {"errors", "_version", "files", "processes", "documents"}
-    | {"log.showc_pb2", "verify", "light"},
+    # The parameters beside a show file are those of the preset, and compared.
+    | {"log.showc_pb2", "verify", "light", "vehicle.presets"},
     "export": FOUNDATION
     | {"documents", "script", "light", "log", "geodesy", "verify", "foreign"}
     | {"vehicle", "safety"},

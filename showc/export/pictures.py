@@ -17,8 +17,9 @@ import numpy as np
 from showc.documents.gltf import FLOAT, MAGIC
 from showc.export.error import Sampled, error_of_lines
 from showc.export.lights import LightNodes, light_nodes
-from showc.export.skyc import drone_name, shared
+from showc.export.skyc import shared
 from showc.export.tables import Samples
+from showc.foreign.closed import drone_name
 from showc.foreign.lights import FRAME
 from showc.processes import side_by_side
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from showc.foreign.closed import drone_name
 from showc.processes import side_by_side
 
 if TYPE_CHECKING:
@@ -37,11 +38,6 @@ together, so few parts, and evenly large ones."""
 
 _DEGREES = 1e7
 """Steps of latitude and longitude in a degree."""
-
-
-def drone_name(drone: int) -> str:
-    """Name of a drone, counting from 0, in files: ``drone_0001``."""
-    return f"drone_{drone + 1:04d}"
 
 
 Setpoints = list[list[float]]

@@ -14,15 +14,15 @@ import numpy as np
 from showc._version import __version__
 from showc.errors import DamagedFileError, UsageError
 from showc.export.error import Sampled
-from showc.export.fit import TOLERANCE, YAW_STEP, FittedFleet, fit_fleet
+from showc.export.fit import TOLERANCE, YAW_STEP, FittedFleet, decoded, fit_fleet
 from showc.export.lights import bytecode, light_nodes
-from showc.export.parameters import parameter_file
 from showc.export.pictures import glb_file, kml_file, vviz_file
 from showc.export.skyb import skyb_file, trajectory_block, yaw_block
-from showc.export.skyc import Setpoints, drone_name, skyc_file
+from showc.export.skyc import Setpoints, skyc_file
 from showc.export.tables import crazyflie_files, csv_zip, memory_notes, poly7_files
 from showc.export.takeoff import slowed
 from showc.files import alone, stage_for, unwritable, write_through
+from showc.foreign.closed import PARAMETERS, drone_name
 from showc.foreign.facts import Asked
 from showc.foreign.folder import (
     FORMAT_VERSION,
@@ -31,6 +31,7 @@ from showc.foreign.folder import (
     read_manifest,
     rules_to_json,
 )
+from showc.foreign.parameters import landing_speed, parameter_file
 from showc.foreign.show import FencePolygon
 from showc.foreign.showmode import FOLLOWED
 
@@ -51,9 +52,6 @@ SAMPLED = {"skybrush-csv": 0.03, "vviz": 0.05}
 20 m/s² an eighth of the square of the step, and what rounding takes."""
 
 _FORMER = "former"
-
-PARAMETERS = "showmode.parm"
-"""Name of the parameter file beside show files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +129,7 @@ def _binary(show: SolvedShow, options: ExportOptions) -> Written:
         )
         for drone in range(show.drones)
     }
-    files[PARAMETERS] = parameter_file(_landing_speed(fitted))
+    files[PARAMETERS] = parameter_file(landing_speed(decoded(fitted)))
     return _fitted(
         files,
         fitted,
@@ -156,7 +154,7 @@ def _compiled(show: SolvedShow, options: ExportOptions) -> Written:
     archive = skyc_file(show, fitted, beside)
     files = {
         "show.skyc": archive,
-        PARAMETERS: parameter_file(_landing_speed(fitted)),
+        PARAMETERS: parameter_file(landing_speed(decoded(fitted))),
     }
     return _fitted(files, fitted, _LOST_BY_PROGRAMS)
 
@@ -309,17 +307,6 @@ def _setpoints(
         ):
             kept.append(index)
     return [[int(times[index]) / 1000.0, rounded[index]] for index in kept]
-
-
-def _landing_speed(fitted: FittedFleet) -> float:
-    """How fast the fleet descends over the last stretch before its pads [m/s]."""
-    points, grid = fitted.points[:, :, 2], fitted.grid
-    last = np.repeat(points[fitted.first[1:] - 1, 3], np.diff(fitted.first))
-    above = (points[:, 0] - last) * grid
-    speed = (points[:, 0] - points[:, 3]) * grid / (fitted.lengths / 1000.0)
-    late = fitted.starts >= 500.0 * fitted.duration
-    near = (above < 2.5) & (above > 1.0) & (speed > 0.0) & late
-    return float(np.median(speed[near])) if near.any() else 1.0
 
 
 def folder_for(log: Path, form: str) -> Path:

@@ -12,7 +12,8 @@ from showc.errors import ExportError
 from showc.export.error import FitError, Sampled, error_of, error_of_lines
 from showc.export.fit import TOGETHER, along, states, tracks_of
 from showc.export.skyb import trajectory_block
-from showc.export.skyc import Entry, archive, drone_name, shared
+from showc.export.skyc import Entry, archive, shared
+from showc.foreign.closed import drone_name
 from showc.foreign.motion import chosen, derivative
 from showc.foreign.smoothing import rise, widened
 from showc.foreign.tables import DEGREE, bernstein_of_powers

@@ -16,6 +16,7 @@ from showc.documents.numbers import array, number
 from showc.documents.values import read_json
 from showc.errors import DamagedFileError
 from showc.files import read_file, reason_of
+from showc.foreign.closed import Claim, what_is_written
 from showc.foreign.facts import Asked
 from showc.foreign.firmware import Firmware
 from showc.foreign.reading import read_show
@@ -28,6 +29,8 @@ from showc.verify.report import Check, Verification
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
+
+    from showc.foreign.show import ForeignShow
 
 MANIFEST = "export.json"
 """Name of the manifest in the folder."""
@@ -169,6 +172,23 @@ class Manifest:
     """Separation that must be left when show mode flies them."""
     files: Mapping[str, str]
     """SHA-256 by name."""
+    release: str
+    """Release of showc that wrote it."""
+    error: float
+    """Error of positions [m]."""
+
+    @property
+    def claim(self) -> Claim:
+        """What its files are held against."""
+        return Claim(
+            self.format,
+            self.release,
+            self.show,
+            self.drones,
+            self.duration,
+            self.asked,
+            self.error,
+        )
 
 
 def read_document(folder: Path) -> Any:  # noqa: ANN401 - JSON
@@ -203,6 +223,8 @@ def read_manifest(folder: Path) -> Manifest:
         raise DamagedFileError(f"{path}: is no manifest of version {FORMAT_VERSION}")
     asked, flown = rules_from_json(content.get("rules"), str(path))
     files, source = content.get("files"), content.get("source")
+    fit = content.get("fit")
+    fit = fit if isinstance(fit, dict) else {}
     if str(content.get("format")) not in FORMATS:
         raise DamagedFileError(f"{path}: `format` must be one of {', '.join(FORMATS)}")
     if not isinstance(files, dict):
@@ -210,12 +232,14 @@ def read_manifest(folder: Path) -> Manifest:
     return Manifest(
         str(content.get("format")),
         str(source.get("data_sha256")) if isinstance(source, dict) else "",
-        str(content.get("show"))[:200],
+        str(content.get("show")),
         int(number(content.get("drones"), f"{path}: drones")),
         number(content.get("duration"), f"{path}: duration"),
         asked,
         flown,
         {str(name): str(digest) for name, digest in files.items()},
+        str(content.get("showc")),
+        number(fit.get("position_error_m", 0.0), f"{path}: position_error_m"),
     )
 
 
@@ -239,15 +263,20 @@ def verify_export(folder: Path, beside: Asked | None = None) -> Verification:
     if beside is not None:
         asked.insert(0, beside)
         rules += f" and {beside.source} rules"
-    checks += prove(folder, manifest.format, asked, manifest.flown)
     kind = Drawing if manifest.format in DRAWINGS else Verification
+    drones, duration = manifest.drones, manifest.duration
+    if manifest.format in MAPS:
+        checks += prove(folder, manifest.format, asked, manifest.flown)
+    else:
+        try:
+            show = _read(folder, manifest.format)
+            checks += what_is_written(folder, manifest.claim, show)
+            checks += _proved(show, manifest.format, asked, manifest.flown)
+            drones, duration = show.drones, show.duration
+        except DamagedFileError as error:
+            checks += damaged(folder, error).checks
     return kind(
-        str(folder),
-        manifest.show,
-        manifest.drones,
-        manifest.duration,
-        rules,
-        tuple(checks),
+        str(folder), manifest.show[:200], drones, duration, rules, tuple(checks)
     )
 
 
@@ -273,13 +302,26 @@ def prove(
             Check("VRF582", INTEGRITY, "flights in the file", "skipped", notes=(note,))
         ]
     try:
-        show = read_show(folder)
+        show = _read(folder, form)
     except DamagedFileError as error:
         return list(damaged(folder, error).checks)
+    return _proved(show, form, asked, flown)
+
+
+def _read(folder: Path, form: str) -> ForeignShow:
+    """Read the files of an export, which must be of the manifest's format."""
+    show = read_show(folder)
     if show.format != FORMATS[form]:
         said = f"{folder}: {MANIFEST} says {form}, the files are {show.format}"
-        return list(damaged(folder, DamagedFileError(said)).checks)
-    # The parameter file beside the files makes the firmware climb faster.
+        raise DamagedFileError(said)
+    return show
+
+
+def _proved(
+    show: ForeignShow, form: str, asked: list[Asked], flown: Separation
+) -> list[Check]:
+    # The parameter file beside the files makes the firmware climb faster: it is held
+    # against what is written.
     firmware = Firmware(climb_speed=5.0, climb_acceleration=5.0)
     found = answer(show, asked, firmware if form in SHOW_MODE else None)
     checks = found.facts

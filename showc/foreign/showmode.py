@@ -2,7 +2,7 @@
 
 Flown in the simulation of branch CMCopter-4.6 with its default quadrotor, in calm air,
 from the end of the take-off to the last descent. Mode 3 at 50 Hz, and the parameters of
-:mod:`showc.export.parameters`. Accelerations are those between joints a quarter of a
+:mod:`showc.foreign.parameters`. Accelerations are those between joints a quarter of a
 second apart: shorter peaks, where a file's acceleration jumps, did no harm.
 """
 

@@ -80,7 +80,9 @@ def read_skyb(content: bytes, name: str) -> SkybFile:
         If the bytes are no such file, are cut, or do not have their CRC; the message
         names the byte.
     """
-    blocks, crc = _blocks(content, name)
+    every, crc = blocks_of(content, name)
+    # Of blocks of one type the firmware reads the first.
+    blocks = {kind: (at, body) for kind, at, body in reversed(every)}
     if TRAJECTORY not in blocks:
         raise DamagedFileError(
             f"{name}: has no trajectory block; wanted a block of type 1"
@@ -110,8 +112,18 @@ def read_compressed(content: bytes, name: str) -> SkybFile:
     return SkybFile(course, stored, None, None, "", crc=False)
 
 
-def _blocks(content: bytes, name: str) -> tuple[dict[int, tuple[int, bytes]], bool]:
-    """Where the first block of each type begins, and its body; whether a CRC fits."""
+Block = tuple[int, int, bytes]
+"""Type, where its body begins, the body."""
+
+
+def blocks_of(content: bytes, name: str) -> tuple[list[Block], bool]:
+    """Return all blocks in order, and whether the file has a CRC, which fits then.
+
+    Raises
+    ------
+    DamagedFileError
+        If the bytes are no such file, are cut, or do not have their CRC.
+    """
     if content[:4] != MAGIC or len(content) < 5:
         raise DamagedFileError(f"{name}: byte 0: is no .skyb file; wanted {MAGIC!r}")
     version, crc, position = content[4], False, 5
@@ -130,7 +142,7 @@ def _blocks(content: bytes, name: str) -> tuple[dict[int, tuple[int, bytes]], bo
                 f"{found:#010x}: the file was changed or cut"
             )
         position = 10
-    blocks: dict[int, tuple[int, bytes]] = {}
+    blocks: list[Block] = []
     while position < len(content):
         if position + _HEAD.size > len(content):
             raise DamagedFileError(f"{name}: byte {position}: ends inside a block")
@@ -141,7 +153,7 @@ def _blocks(content: bytes, name: str) -> tuple[dict[int, tuple[int, bytes]], bo
                 f"{name}: byte {position}: a block of {length} bytes, of which "
                 f"{len(content) - position} are there"
             )
-        blocks.setdefault(kind, (position, content[position : position + length]))
+        blocks.append((kind, position, content[position : position + length]))
         position += length
     return blocks, crc
 

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from showc.vehicle.presets import ARDUCOPTER
+
+if TYPE_CHECKING:
+    from showc.verify.kernel.slices import Tracks
 
 FIRMWARE = "Skybrush ArduCopter, branch CMCopter-4.6"
 """Firmware whose names and units these are."""
@@ -49,3 +56,19 @@ def parameter_file(landing_speed: float) -> bytes:
         *(f"{name},{values[name]:g}" for name in sorted(values)),
     ]
     return ("\n".join(lines) + "\n").encode("ascii")
+
+
+def landing_speed(tracks: Tracks) -> float:
+    """How fast a fleet descends over the last stretch before its pads [m/s].
+
+    It is counted in whole millimetres and milliseconds, as files are: what is read of
+    them gives the same number.
+    """
+    begin = np.rint(1000.0 * tracks.position[:, 0, 2])
+    end = np.rint(1000.0 * tracks.position[:, -1, 2])
+    last = np.repeat(end[tracks.first[1:] - 1], np.diff(tracks.first))
+    starts, ends = np.rint(1000.0 * tracks.starts), np.rint(1000.0 * tracks.ends)
+    above, speed = begin - last, (begin - end) / np.maximum(ends - starts, 1.0)
+    late = starts >= 0.5 * ends.max()
+    near = (above < 2500.0) & (above > 1000.0) & (speed > 0.0) & late
+    return float(np.median(speed[near])) if near.any() else 1.0
