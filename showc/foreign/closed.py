@@ -437,7 +437,7 @@ def _text(value: Any) -> bool:  # noqa: ANN401 - JSON
 
 
 def _bearing(value: Any) -> bool:  # noqa: ANN401 - JSON
-    return _real(value) and 0.0 <= value < 360.0
+    return _real(value) and 0.0 <= value <= 360.0
 
 
 def _whole(value: Any, count: int) -> bool:  # noqa: ANN401 - JSON
