@@ -212,7 +212,7 @@ def test_a_manifest_with_a_flood_of_corners_is_damaged(vertical, tmp_path):
     manifest["rules"]["fence"] = [[[0, 0], [1, 0], [1, 1]]] * 33_334
     (folder / MANIFEST).write_text(json.dumps(manifest))
     found = verify_export(folder)
-    assert "100,002 corners" in found.check("VRF501").notes[0]
+    assert "100,002 corners" in check_of(found, "VRF501").notes[0]
     manifest["rules"]["fence"] = [[[0, 0], [1, 0]]]
     (folder / MANIFEST).write_text(json.dumps(manifest))
-    assert "wanted 3 or more" in verify_export(folder).check("VRF501").notes[0]
+    assert "wanted 3 or more" in check_of(verify_export(folder), "VRF501").notes[0]

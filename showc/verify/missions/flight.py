@@ -237,7 +237,7 @@ def _check_cues(
         time, arrives = move.cue or (0.0, False)
         off = (comes if arrives else left) - time
         slow = left + arrives * move.duration - time
-        late = slow if segments.count(move.segment) > 1 else off
+        late = min(slow, off) if segments.count(move.segment) > 1 else off
         waits = left - ended[np.searchsorted(ended, left + CONSTANTS["tick"]) - 1]
         begins = move.segment == segments[0]
         found.append((off, late, waits - CONSTANTS["clear"], begins))
