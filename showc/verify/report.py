@@ -185,6 +185,10 @@ class Verification:
     def _of(self, *, missions: bool) -> list[Check]:
         return [c for c in self.checks if c.code.startswith("VRF4") == missions]
 
+    def check(self, code: str) -> Check:
+        """Return the first check of that code; KeyError if there is none."""
+        return {check.code: check for check in reversed(self.checks)}[code]
+
     def to_json(self) -> dict[str, Any]:
         """Return the whole result as a dictionary that JSON can hold."""
         said = {"format_version": FORMAT_VERSION, "log": self.path, "show": self.title}

@@ -14,7 +14,6 @@ import zipfile
 from hashlib import sha256
 
 import pytest
-from findings import check_of
 
 from showc.export.stage import ExportOptions, export
 from showc.foreign.closed import odd_command
@@ -92,7 +91,7 @@ def test_a_binary_file_holds_nothing_else(written, tmp_path, lie):
     path.write_bytes(binary(*BINARY_LIES[lie](blocks)))
     found, codes = sealed(folder)
     assert codes == {"VRF587"}
-    assert "drone_0002.skyb" in check_of(found, "VRF587").notes[0]
+    assert "drone_0002.skyb" in found.check("VRF587").notes[0]
     # Of another tool nothing of this is asked.
     alone = verify_foreign(path)
     assert not {"VRF587", "VRF501"} & {
@@ -204,7 +203,7 @@ def test_the_parameters_are_those_that_the_proof_is_of(written, form, tmp_path, 
     PARAMETER_LIES[lie](folder / "showmode.parm")
     found, codes = sealed(folder)
     assert codes == {"VRF587"}
-    assert check_of(found, "VRF587").notes[0].startswith("showmode.parm")
+    assert found.check("VRF587").notes[0].startswith("showmode.parm")
 
 
 def test_one_more_file_is_none_of_an_export(written, form, tmp_path):
@@ -225,7 +224,7 @@ def test_the_manifest_counts_what_is_there(written, form, tmp_path, said):
 def test_what_a_folder_cannot_prove_is_said(written, form):
     found = verify_export(written[form])
     assert found.passed
-    assert "`showc verify` of the log" in check_of(found, "VRF587").notes[-1]
+    assert "`showc verify` of the log" in found.check("VRF587").notes[-1]
 
 
 @pytest.mark.parametrize("program", ["00", "0205060100", "08ff008096010400ff001e00"])

@@ -11,7 +11,6 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from findings import check_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -74,7 +73,7 @@ def test_verify_proves_every_format_from_its_bytes(exports, form):
     found = verify_export(exports[form].folder)
     wanted = [check for check in exports[form].checks if check.verdict == "fail"]
     assert [check for check in found.checks if check.verdict == "fail"] == wanted
-    assert check_of(found, "VRF581").verdict == "pass"
+    assert found.check("VRF581").verdict == "pass"
 
 
 @pytest.mark.parametrize("form", sorted(FORMATS))

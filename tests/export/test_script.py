@@ -12,7 +12,6 @@ from unittest.mock import patch
 
 import pytest
 from click.testing import CliRunner
-from findings import check_of
 
 from showc.cli.compile import command
 from showc.cli.verify import command as verify
@@ -146,7 +145,7 @@ def test_an_export_whose_manifest_was_made_to_agree_is_found_out(beside):
         manifest["files"][path.name] = sha256(path.read_bytes()).hexdigest()
     manifest["rules"]["separation"]["distance"] = 0.0
     (folder / "export.json").write_text(json.dumps(manifest))
-    assert check_of(verify_export(folder), "VRF581").verdict == "pass"
+    assert verify_export(folder).check("VRF581").verdict == "pass"
     assert failed(beside) >= {"VRF584"}
 
 

@@ -7,7 +7,6 @@ import zipfile
 
 import pytest
 from click.testing import CliRunner
-from findings import check_of
 
 from showc.errors import UsageError
 from showc.export.skyb import skyb_file
@@ -102,7 +101,7 @@ def test_drones_that_come_too_near_are_found_in_the_bytes(vertical, tmp_path):
         "separation of all pairs, the script's",
         "separation as it will be flown",
     }
-    assert check_of(found, "VRF504").where.pair == (1, 2)
+    assert found.check("VRF504").where.pair == (1, 2)
 
 
 def test_a_climb_in_degree_seven_is_a_finding(tmp_path):
@@ -212,7 +211,7 @@ def test_a_manifest_with_a_flood_of_corners_is_damaged(vertical, tmp_path):
     manifest["rules"]["fence"] = [[[0, 0], [1, 0], [1, 1]]] * 33_334
     (folder / MANIFEST).write_text(json.dumps(manifest))
     found = verify_export(folder)
-    assert "100,002 corners" in check_of(found, "VRF501").notes[0]
+    assert "100,002 corners" in found.check("VRF501").notes[0]
     manifest["rules"]["fence"] = [[[0, 0], [1, 0]]]
     (folder / MANIFEST).write_text(json.dumps(manifest))
-    assert "wanted 3 or more" in check_of(verify_export(folder), "VRF501").notes[0]
+    assert "wanted 3 or more" in verify_export(folder).check("VRF501").notes[0]

@@ -15,7 +15,6 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from findings import check_of
 
 from showc.foreign.verdict import verify_foreign
 
@@ -43,7 +42,7 @@ def judged(name):
 
 
 def test_the_vendors_demo_breaks_its_own_least_distance():
-    found = check_of(judged("demo.skyc"), "VRF504")
+    found = judged("demo.skyc").check("VRF504")
     assert found.verdict == "fail" and found.limit == 5.0
     assert found.value == pytest.approx(3.776, abs=5e-4)
     assert found.where.time == pytest.approx(12.4, abs=0.05)
@@ -63,13 +62,13 @@ def test_sizes_are_those_of_the_libraries_that_wrote_the_files(
 ):
     result = judged(name)
     assert (result.drones, round(result.duration, 2)) == (drones, duration)
-    assert check_of(result, "VRF501").verdict == "pass"
-    assert check_of(result, "VRF506").value == pytest.approx(height, abs=1e-3)
+    assert result.check("VRF501").verdict == "pass"
+    assert result.check("VRF506").value == pytest.approx(height, abs=1e-3)
 
 
 def test_ten_tables_are_one_show():
     result = judged("mds")
     assert result.drones == 10 and result.duration == pytest.approx(478.75)
-    found = check_of(result, "VRF504")
+    found = result.check("VRF504")
     assert found.value == pytest.approx(4.238, abs=1e-3)
     assert found.where.time == pytest.approx(330.1, abs=0.05)

@@ -10,7 +10,6 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pytest
-from findings import check_of
 
 from showc.errors import DamagedFileError, UsageError
 from showc.foreign.acts import holds
@@ -210,7 +209,7 @@ def test_durations_that_the_server_shortens_are_said(skyc):
     times = np.round(np.arange(0.0, 20.0, 1.001), 3)
     slow = trajectory(*[[t, [0, 0, 0.5 * t], []] for t in times.tolist()])
     result = verify_foreign(skyc(show_of(slow)))
-    notes = " ".join(check_of(result, "VRF541").notes)
+    notes = " ".join(result.check("VRF541").notes)
     assert "shortens 19 durations by 1 ms" in notes
 
 

@@ -4,7 +4,7 @@ import json
 import shutil
 
 import pytest
-from findings import check_of, failed
+from findings import failed
 
 from showc.errors import DamagedFileError, UsageError
 from showc.log import showc_pb2 as pb
@@ -51,7 +51,7 @@ def test_a_log_to_which_something_was_added_is_the_same_show(log):
     add(log, WIND_NAME, wind(digest), digest)
     after = verify_log(log, missions=False)
     assert after.proved
-    assert "estimate" in "".join(check_of(after, "VRF108").notes)
+    assert "estimate" in "".join(after.check("VRF108").notes)
     codes = [check.code for check in after.checks if check.code != "VRF108"]
     assert codes == [check.code for check in before.checks]
 

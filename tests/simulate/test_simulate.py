@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from findings import check_of
 from hypothesis import given as drawn
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -385,7 +384,7 @@ def test_the_command_flies_the_same_again_and_the_log_holds_it(
     assert "8 m/s" in page
     checked = verify_log(log, missions=False)
     assert checked.proved
-    assert "nothing of them is proved" in "".join(check_of(checked, "VRF108").notes)
+    assert "nothing of them is proved" in "".join(checked.check("VRF108").notes)
 
 
 @pytest.mark.parametrize("content", [b"{}", b"[]", b"3", b'{"legs": []}', b"\xff"])

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from findings import check_of, failed
+from findings import failed
 from lies import Log
 from synthetic import decoded
 
@@ -59,7 +59,7 @@ def test_every_row_is_proved_from_the_bytes(aborted):
     assert found.proved
     verdicts = {c.code: c.verdict for c in found.checks if c.code in PROVED}
     assert verdicts == dict.fromkeys(PROVED, "pass")
-    nearest = check_of(found, "VRF354")
+    nearest = found.check("VRF354")
     rows = read_log(aborted).aborts.legs
     least = min(leg.certificate.closest.distance for leg in rows)
     assert nearest.value == pytest.approx(least, abs=1e-4)

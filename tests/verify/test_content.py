@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from findings import check_of, failed
+from findings import failed
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -238,7 +238,7 @@ def test_a_sample_moved_by_two_millimetres_is_found(data, tmp_path):
     )
     # A frame of the same instant stands elsewhere, too.
     assert failed(verification) == {"VRF122", "VRF124"}
-    check = check_of(verification, "VRF122")
+    check = verification.check("VRF122")
     assert check.where.drone == 3
     assert check.where.time == pytest.approx(58 / 5.0)
 
@@ -251,7 +251,7 @@ def test_a_changed_sample_of_one_drone_is_found(data, tmp_path, field):
     content = changed(data, pb.DroneState, "/drone/0004/state", 50, change)
     verification = verified(content, tmp_path)
     assert failed(verification) == {"VRF123"}
-    where = check_of(verification, "VRF123")
+    where = verification.check("VRF123")
     assert where.where.drone == 4
     assert where.where.time == pytest.approx(10.0)
 
@@ -296,7 +296,7 @@ def test_a_witness_proves_what_it_proves_and_no_more(data, tmp_path):
     wrong = claim(2.001)
     assert name in failed(wrong)
     # A witness is checked at the time claimed: beyond it, it proves nothing.
-    assert check_of(wrong, name).value == np.inf
+    assert wrong.check(name).value == np.inf
 
 
 def test_a_bound_above_the_time_flown_is_found(data, tmp_path):

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from findings import check_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
@@ -193,13 +192,13 @@ def test_an_encounter_planted_into_a_log_is_caught(tmp_path):
     verification = verify_log(
         written(planted, tmp_path / "output.mcap"), missions=False
     )
-    check = check_of(verification, "VRF321")
+    check = verification.check("VRF321")
     assert check.verdict == "fail"
     # Less what two drones may be off, which here is not proved.
     assert check.value == pytest.approx(0.989, abs=1e-5)
     assert check.where.pair == (1, 2)
     assert check.where.time == pytest.approx(moment + 0.02, abs=1e-3)
-    samples = check_of(verification, "VRF122")
+    samples = verification.check("VRF122")
     assert samples.verdict == "pass", "the samples alone show nothing"
 
 

@@ -84,6 +84,11 @@ class Bound:
     """Unit of the value."""
 
     @property
+    def name(self) -> str:
+        """What exactly is limited."""
+        return f"{'greatest' if self.sign > 0.0 else 'least'} {self.quantity}"
+
+    @property
     def squared(self) -> bool:
         """Whether the quantity is a sum of squares, and its root is limited."""
         return self.quantity.startswith("level ") or self.quantity == "jerk"
@@ -253,8 +258,7 @@ def _statement(extreme: Extreme, segment: Segment, radii: FloatArray) -> Stateme
     radius = float(np.linalg.norm(radii[:, states].max(axis=0)))
     allowed = float(np.linalg.norm(TOLERANCES[states]))
     left, rest, unit = extreme.margin * bound.span, TOLERANCE * bound.span, bound.unit
-    name = f"{'greatest' if bound.sign > 0.0 else 'least'} {bound.quantity}"
-    note = f"{name}: {left:+.6g} {unit} are left (tolerance {rest:.0e} {unit})"
+    note = f"{bound.name}: {left:+.6g} {unit} are left (tolerance {rest:.0e} {unit})"
     if states:
         note += f"; flown within {radius:.1e} {unit} of it ({allowed:.1e} allowed)"
     value = bound.sign * (bound.top - left + min(radius, allowed)) + 0.0

@@ -194,14 +194,7 @@ class _Walk:
             to = self._unused(f"{to} in motion")
         duration = None if own else common(transitions)
         count = sum(1 + bool(one.motion) for one in transitions) if own else 0
-        segment = self._leg(
-            "transition",
-            name,
-            to,
-            duration=duration,
-            moves=count,
-            given=cue(transitions),
-        )
+        segment = self._leg("transition", name, to, duration=duration, moves=count)
         flights = [motion.Flight(segment.start, segment.end) for _ in transitions]
         if own:
             lanes = motion.Lanes(self.logged, segment, transitions, show.groups)
@@ -232,6 +225,7 @@ class _Walk:
                 self.spans.append(span)
                 self.lit[span.drones] = span.linear(np.array([span.duration]))[0]
             return
+        self.demands.moves[-1].cue = cue(transitions)
         self._shine(segment, self.colours, self.placed)
         hold = max(one.hold for one in transitions)
         moving = [self._moving(one) for one in self.placed if one.transition.motion]
@@ -368,12 +362,11 @@ class _Walk:
         duration: float | None = None,
         least: float = 0.0,
         moves: int = 0,
-        given: tuple[float, bool] | None = None,
     ) -> Segment:
         """Take the next leg of the log, which must be the one asked for.
 
         It lasts ``duration`` [s], or ``least`` or more if that is None; ``moves``
-        groups have times of their own in it. Its cue is the one ``given``.
+        groups have times of their own in it.
         """
         if self.next >= len(self.logged.segments):
             raise motion.StrayError(f"the log lacks the leg “{name}”")
@@ -402,8 +395,7 @@ class _Walk:
             self.demands.legs += unlike(found, wanted, f"“{name}”: {key}")
         if not (moves or kind in {"hold", "motion"}):
             own = message.index, name, segment.start, segment.duration
-            last = Move(*own, self.fleet, segment.goals, cue=given)
-            self.demands.moves.append(last)
+            self.demands.moves.append(Move(*own, self.fleet, segment.goals))
         self.next += 1
         self.end, self.leaving = segment.end, False
         self.before, self.position, self.at = self.position, segment.goals, to
