@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from base64 import b64encode
-from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from showc.arrays import FloatArray
-    from showc.foreign.facts import Asked
+    from showc.foreign.folder import Manifest
     from showc.foreign.show import ForeignShow
 
 PARAMETERS = "showmode.parm"
@@ -84,26 +83,6 @@ _TEXTS = {
 """Documents of a drone of a compiled show, as they are written."""
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
-    """What a manifest says of its files."""
-
-    form: str
-    """Format by its name on the command line."""
-    release: str
-    """Release of showc that wrote it."""
-    show: str
-    """Name of the show."""
-    drones: int
-    """Size of the fleet."""
-    duration: float
-    """Of the written show [s]."""
-    asked: Asked
-    """Rules of the show, walls and speeds with the error of the fit."""
-    error: float
-    """Error of positions [m]."""
-
-
 def drone_name(drone: int) -> str:
     """Name of a drone, counting from 0, in files: ``drone_0001``."""
     return f"drone_{drone + 1:04d}"
@@ -126,14 +105,14 @@ def names_of(form: str, drones: int) -> set[str]:
     return found | ({PARAMETERS} if form in {"skyb", "skyc"} else set())
 
 
-def what_is_written(folder: Path, claim: Claim, show: ForeignShow) -> list[Check]:
+def what_is_written(folder: Path, manifest: Manifest, show: ForeignShow) -> list[Check]:
     """Hold the files of an export against what the exporter writes.
 
     Parameters
     ----------
     folder
         Where they lie.
-    claim
+    manifest
         What the manifest says.
     show
         What was read of the files.
@@ -143,16 +122,16 @@ def what_is_written(folder: Path, claim: Claim, show: ForeignShow) -> list[Check
     DamagedFileError
         If a file cannot be read.
     """
-    return [_closed(folder, claim, show), _sized(claim, show)]
+    return [_closed(folder, manifest, show), _sized(manifest, show)]
 
 
-def _closed(folder: Path, claim: Claim, show: ForeignShow) -> Check:
-    wrong = _beside(folder, claim, show)
+def _closed(folder: Path, manifest: Manifest, show: ForeignShow) -> Check:
+    wrong = _beside(folder, manifest, show)
     name, note = "files hold what showc writes, and nothing else", UNKNOWN
-    if claim.form == "skyb":
-        wrong += _binaries(folder, claim, show)
-    elif claim.form == "skyc":
-        wrong += _compiled(folder / "show.skyc", claim, show)
+    if manifest.format == "skyb":
+        wrong += _binaries(folder, manifest, show)
+    elif manifest.format == "skyc":
+        wrong += _compiled(folder / "show.skyc", manifest, show)
     else:
         name, note = "files are named as showc names them", OPAQUE
     if len(wrong) > _SPELT_OUT:
@@ -166,13 +145,13 @@ def _closed(folder: Path, claim: Claim, show: ForeignShow) -> Check:
     )
 
 
-def _sized(claim: Claim, show: ForeignShow) -> Check:
+def _sized(manifest: Manifest, show: ForeignShow) -> Check:
     """Whether the manifest counts the drones and the time of the files."""
-    off = abs(claim.duration - show.duration)
-    same = claim.drones == show.drones and off <= _MILLISECOND
+    off = abs(manifest.duration - show.duration)
+    same = manifest.drones == show.drones and off <= _MILLISECOND
     said = (
-        f"the manifest says {claim.drones} drones and {claim.duration:.3f} s, the "
-        f"files have {show.drones} and {show.duration:.3f} s"
+        f"the manifest says {manifest.drones} drones and {manifest.duration:.3f} s, "
+        f"the files have {show.drones} and {show.duration:.3f} s"
     )
     return Check(
         "VRF588",
@@ -183,10 +162,10 @@ def _sized(claim: Claim, show: ForeignShow) -> Check:
     )
 
 
-def _beside(folder: Path, claim: Claim, show: ForeignShow) -> list[str]:
+def _beside(folder: Path, manifest: Manifest, show: ForeignShow) -> list[str]:
     """Say what is wrong with the names of the files, and with the parameters."""
     found = {one.name for one in folder.iterdir()} - {"export.json"}
-    wanted = names_of(claim.form, show.drones)
+    wanted = names_of(manifest.format, show.drones)
     wrong = [f"{name} is missing" for name in sorted(wanted - found)]
     wrong += [f"{name} is no file of an export" for name in sorted(found - wanted)]
     if PARAMETERS in wanted & found:
@@ -208,19 +187,19 @@ def _lines(one: bytes, other: bytes) -> str:
     return ", ".join(said) or "nothing else"
 
 
-def _binaries(folder: Path, claim: Claim, show: ForeignShow) -> list[str]:
+def _binaries(folder: Path, manifest: Manifest, show: ForeignShow) -> list[str]:
     """Say what binary files hold that the exporter does not write."""
     wrong = []
     for drone, name in enumerate(show.names):
         path = folder / f"{name}.skyb"
         if path.is_file():
             content = read_file(path, LARGEST_SMALL)
-            found = _binary(content, path.name, drone, claim)
+            found = _binary(content, path.name, drone, manifest)
             wrong += [f"{path.name}: {one}" for one in [*found, *_stored(show, drone)]]
     return wrong
 
 
-def _binary(content: bytes, name: str, drone: int, claim: Claim) -> Iterator[str]:
+def _binary(content: bytes, name: str, drone: int, manifest: Manifest) -> Iterator[str]:
     if not content.startswith(_HEAD):
         yield f"begins with {content[:6]!r}; showc writes version 2 with a CRC"
     blocks = blocks_of(content, name)[0]
@@ -234,7 +213,7 @@ def _binary(content: bytes, name: str, drone: int, claim: Claim) -> Iterator[str
         yield "its trajectory turns the drone; showc writes yaw apart"
     if yaw[:1] != b"\0":
         yield f"its yaw is of mode {yaw[0] if yaw else 'none'}; showc writes 0"
-    comment = f"showc {claim.release}: {claim.show}, drone {drone + 1}"
+    comment = f"showc {manifest.release}: {manifest.show}, drone {drone + 1}"
     if COMMENT in body and body[COMMENT] != comment.encode("utf-8", "replace"):
         said = body[COMMENT].decode("utf-8", "replace")
         yield f"its comment is {said!r:.80}; wanted {comment!r:.80}"
@@ -271,7 +250,7 @@ def odd_command(program: bytes) -> Iterator[str]:
     yield f"its light program has {said} at byte {end}; showc writes colours alone"
 
 
-def _compiled(path: Path, claim: Claim, show: ForeignShow) -> list[str]:
+def _compiled(path: Path, manifest: Manifest, show: ForeignShow) -> list[str]:
     """Say what an archive holds that the exporter does not write."""
     if not path.is_file():
         return []
@@ -286,7 +265,7 @@ def _compiled(path: Path, claim: Claim, show: ForeignShow) -> list[str]:
     if wanted - names:
         return wrong
     top = parse_json(archive.read("show.json"), f"{path}:show.json")
-    wrong += islice(unlike(top, _top(top, claim, show), "show.json"), 2 * _SPELT_OUT)
+    wrong += islice(unlike(top, _top(top, manifest, show), "show.json"), 2 * _SPELT_OUT)
     cues = parse_json(archive.read("cues.json"), f"{path}:cues.json")
     wrong += islice(unlike(cues, _cues(cues), "cues.json"), _SPELT_OUT)
     for drone, folder in enumerate(folders):
@@ -305,9 +284,9 @@ def _compiled(path: Path, claim: Claim, show: ForeignShow) -> list[str]:
     return wrong
 
 
-def _top(top: Any, claim: Claim, show: ForeignShow) -> dict[str, Any]:  # noqa: ANN401
+def _top(top: Any, manifest: Manifest, show: ForeignShow) -> dict[str, Any]:  # noqa: ANN401
     """Return what ``show.json`` must be; what is free in it, as it was found."""
-    asked = claim.asked
+    asked = manifest.asked
     assert asked.volume is not None and asked.separation is not None  # noqa: S101, PT018
     roof = asked.volume[1][2]
 
@@ -318,7 +297,7 @@ def _top(top: Any, claim: Claim, show: ForeignShow) -> dict[str, Any]:  # noqa: 
         return _whole(value, 3) and abs(value[0]) <= 9e8 and abs(value[1]) <= 1.8e9
 
     def below(value: Any) -> bool:  # noqa: ANN401
-        return _real(value) and -_ROUNDING <= roof - value <= claim.error + _ROUNDING
+        return _real(value) and -_ROUNDING <= roof - value <= manifest.error + _ROUNDING
 
     segments = {
         name: free(f"meta.segments.{name}", _span, "[begin, end]")
@@ -335,7 +314,7 @@ def _top(top: Any, claim: Claim, show: ForeignShow) -> dict[str, Any]:  # noqa: 
                 ),
             },
         },
-        "meta": {"title": claim.show, "segments": segments},
+        "meta": {"title": manifest.show, "segments": segments},
         "settings": {
             "cues": {"$ref": "./cues.json#"},
             "validation": {
@@ -347,7 +326,7 @@ def _top(top: Any, claim: Claim, show: ForeignShow) -> dict[str, Any]:  # noqa: 
             },
             "geofence": {
                 "version": 1,
-                "polygons": [{"isInclusion": True, "points": _fence(claim, show)}],
+                "polygons": [{"isInclusion": True, "points": _fence(manifest, show)}],
                 "action": "return",
             },
         },
@@ -355,13 +334,13 @@ def _top(top: Any, claim: Claim, show: ForeignShow) -> dict[str, Any]:  # noqa: 
     }
 
 
-def _fence(claim: Claim, show: ForeignShow) -> Any:  # noqa: ANN401 - JSON
+def _fence(manifest: Manifest, show: ForeignShow) -> Any:  # noqa: ANN401 - JSON
     """Return the fence that the file must have: the rules', or the walls'."""
-    if claim.asked.fence:
-        return claim.asked.fence[0].points.tolist()
-    assert claim.asked.volume is not None  # noqa: S101 - a manifest has one
-    (x, y, _), (far_x, far_y, _) = claim.asked.volume
-    error = claim.error
+    if manifest.asked.fence:
+        return manifest.asked.fence[0].points.tolist()
+    assert manifest.asked.volume is not None  # noqa: S101 - a manifest has one
+    (x, y, _), (far_x, far_y, _) = manifest.asked.volume
+    error = manifest.error
     inner = np.array([x + error, y + error, far_x - error, far_y - error])
     walls = inner[[[0, 1], [2, 1], [2, 3], [0, 3]]]
     found = show.fences[0].points if show.fences else np.zeros((0, 2))

@@ -16,7 +16,7 @@ from showc.documents.numbers import array, number
 from showc.documents.values import read_json
 from showc.errors import DamagedFileError
 from showc.files import read_file, reason_of
-from showc.foreign.closed import Claim, what_is_written
+from showc.foreign.closed import what_is_written
 from showc.foreign.facts import Asked
 from showc.foreign.firmware import Firmware
 from showc.foreign.reading import read_show
@@ -177,19 +177,6 @@ class Manifest:
     error: float
     """Error of positions [m]."""
 
-    @property
-    def claim(self) -> Claim:
-        """What its files are held against."""
-        return Claim(
-            self.format,
-            self.release,
-            self.show,
-            self.drones,
-            self.duration,
-            self.asked,
-            self.error,
-        )
-
 
 def read_document(folder: Path) -> Any:  # noqa: ANN401 - JSON
     """Return what the manifest of an export says, to all readers alike.
@@ -270,7 +257,7 @@ def verify_export(folder: Path, beside: Asked | None = None) -> Verification:
     else:
         try:
             show = _read(folder, manifest.format)
-            checks += what_is_written(folder, manifest.claim, show)
+            checks += what_is_written(folder, manifest, show)
             checks += _proved(show, manifest.format, asked, manifest.flown)
             drones, duration = show.drones, show.duration
         except DamagedFileError as error:

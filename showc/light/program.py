@@ -356,7 +356,5 @@ def _span(
         effect = one.effect or show.formations[one.to].effect
         lit = placed(show, one, leg.start[drones], leg.places[drones])
         keys = keyframes_of(begin, start, lit)
-    elif leg.transition is None:
-        effect = show.formations[leg.to_formation].effect
     goals = leg.goal[drones]
     return LightSpan(start, duration, drones, begin, end, fade, effect, goals, keys)

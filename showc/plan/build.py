@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from showc.progress import Progress
     from showc.script.mark import Mark
     from showc.script.moving import MovingPlaces
-    from showc.script.show import Effect, Preference, Show, Transition
+    from showc.script.show import Preference, Show, Transition
     from showc.vehicle import Limits
 
 
@@ -197,7 +197,6 @@ class _Builder:
         points: FloatArray,
         colours: FloatArray,
         mark: Mark,
-        effect: Effect | None = None,
     ) -> Formation:
         """Add a formation that the script does not name, under a name of its own.
 
@@ -209,7 +208,7 @@ class _Builder:
         while free in taken:
             number += 1
             free = f"{name} ({number})"
-        formation = Formation(free, frozen(points), frozen(colours), mark, effect)
+        formation = Formation(free, frozen(points), frozen(colours), mark)
         self.added[free] = formation
         return formation
 
@@ -223,7 +222,6 @@ class _Builder:
                 formation.points,
                 formation.colours,
                 formation.mark,
-                formation.effect,
             )
         given = self.assigned.give(transition, formation, self.fleet, self.position)
         self.placed = [(transition, self.fleet, given.places)]

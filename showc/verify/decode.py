@@ -43,10 +43,10 @@ TOPIC = re.compile(r"/drone/(\d{4,5})/trajectory")
 
 
 def check_container(log: LogFile) -> list[Check]:
-    """Hold topics against their types, and types against their definitions.
+    """Whether all bytes are read, topics have their types, and types their definitions.
 
     A definition must be the one in memory: with another one, a viewer would read other
-    things out of the same bytes than this verifier. All bytes are accounted for by now.
+    things out of the same bytes than this verifier.
     """
     messages = sum(chunk.time.size for chunk in log.chunks)
     whole = f"{messages:,} messages on {len(log.channels):,} channels in "

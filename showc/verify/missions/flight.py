@@ -244,7 +244,8 @@ def _check_cues(
     if not found:
         return
     off, late, waits, first = np.array(found).T
-    shift = max(float(off[first > 0.0 if first.any() else ...].min()), 0.0)
+    own = off[first > 0.0]
+    shift = max(float((own if own.size else off).min()), 0.0)
     wrong = np.maximum(np.minimum(late - shift, waits), shift - off)
     worst, most = int(np.argmax(wrong)), CONSTANTS["on_cue"]
     note = f"{off.size:,} moves; show time 0 is {shift:.1f} s after the missions begin"
