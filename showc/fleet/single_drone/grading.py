@@ -12,7 +12,7 @@ import numpy as np
 
 from showc.fleet.single_drone.guess import flat_guess
 from showc.fleet.single_drone.intervals import END_GRADING, graded_widths
-from showc.fleet.single_drone.model import single_problem
+from showc.fleet.single_drone.model import USUAL, single_problem
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -28,8 +28,6 @@ errs by half of what it changed, or less."""
 ACCURACY = 5e-5
 """Wanted error of the flown controls over each state's range: what the flight must keep
 is proved afterwards."""
-MARGIN = 1e-6
-"""Room left at rotor limits for the solver's tolerance, as a share of their range."""
 
 
 def solve_on_graded_meshes(
@@ -40,7 +38,8 @@ def solve_on_graded_meshes(
     *,
     tolerance: float,
     effort: float,
-    points: int = 3,
+    points: int,
+    margin: float,
 ) -> Solution:
     """Fly from hover to hover in the least time.
 
@@ -58,6 +57,8 @@ def solve_on_graded_meshes(
         Weight of the effort beside the time.
     points
         Least number of collocation points of an interval.
+    margin
+        Room left at path constraints, as a share of their range.
 
     Returns
     -------
@@ -72,7 +73,8 @@ def solve_on_graded_meshes(
     from showc.ocp.transcription.condensed.transcription import END  # noqa: PLC0415
 
     aircraft = programs.aircraft
-    problem = single_problem(aircraft, minimum_time=True)
+    scales = USUAL.raised(float(np.linalg.norm((goal - start)[:3])), guessed)
+    problem = single_problem(aircraft, minimum_time=True, scales=scales)
     phase, room = problem.phases[0], END * aircraft.vehicle.hover_thrust
     for (which, name), value in programs.thrusts.items():
         symbol = phase.controls[name].quantity.symbol
@@ -86,8 +88,8 @@ def solve_on_graded_meshes(
         parameters=programs.ends | {"effort": effort},
         options=Options.graded(
             LONGER * tolerance,
-            grading=Grading(accuracy=ACCURACY, points=points, margin=MARGIN),
-            mesh=Mesh((linear_mesh(breaks, [points] * FIRST, (), MARGIN),)),
+            grading=Grading(accuracy=ACCURACY, points=points, margin=margin),
+            mesh=Mesh((linear_mesh(breaks, [points] * FIRST, (), margin),)),
         ),
     )
     programs.refined(solution, "graded towards both ends, where the attitude moves")

@@ -11,11 +11,12 @@ r = 0, U4 = -(Ix - Iy) p q.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import atan
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from showc.vehicle import Limits, Quadrotor, Vector
+from showc.vehicle import STANDARD_GRAVITY, Limits, Quadrotor, Vector
 from showc.vehicle.jerk import jerk_square, lean_factor
 
 if TYPE_CHECKING:
@@ -31,12 +32,6 @@ ENDS = ("start", "goal")
 TORQUES = ("torque_x", "torque_y", "torque_z")
 SIGNALS = ("reference_x", "reference_y", "reference_z")
 
-# Scales are constants, not taken from the limits: a program is then the same whichever
-# limits it is first used with, and so are its answers.
-LENGTH_SCALE, SPEED_SCALE, ACCELERATION_SCALE, JERK_SCALE = 10.0, 5.0, 5.0, 15.0
-"""Of positions and their derivatives [m, m/s, m/s², m/s³]: what shows fly."""
-ANGLE_SCALE, RATE_SCALE, ANGULAR_ACCELERATION_SCALE = 0.35, 1.7, 20.0
-"""Of attitudes and their derivatives [rad, rad/s, rad/s²]: the usual limits."""
 ROOM = 2e-3
 """Between the points at which a program's velocities follow its thrust, what is flown
 goes beyond a limit of acceleration by up to so much of it."""
@@ -47,6 +42,47 @@ UNREACHED = 1e3
 EXACT_GYROSCOPIC = 0.02
 """Share of a torque limit above which gyroscopic torques are bounded exactly, not by
 their greatest value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """What the quantities of a flight are divided by, to be near one.
+
+    Those of a program that serves many moves are constants: its answers are the same
+    whichever move it was built for.
+    """
+
+    length: float = 10.0
+    """Of positions [m]; this and its derivatives are what shows fly."""
+    speed: float = 5.0
+    acceleration: float = 5.0
+    jerk: float = 15.0
+    angle: float = 0.35
+    """Of attitudes [rad]; this and its derivatives are the usual limits."""
+    rate: float = 1.7
+    angular_acceleration: float = 20.0
+
+    def raised(self, length: float, duration: float) -> Scales:
+        """Return greater ones for a move [m] that is quicker than usual [s].
+
+        It speeds up for half of the time and slows down for the other half; each
+        derivative changes its sign within a quarter of that of the one before.
+        """
+        acceleration = 4.0 * length / duration**2
+        angle = atan(acceleration / STANDARD_GRAVITY)
+        per_time = 8.0 / duration
+        return replace(
+            self,
+            acceleration=max(self.acceleration, acceleration),
+            jerk=max(self.jerk, per_time * acceleration),
+            angle=max(self.angle, angle),
+            rate=max(self.rate, per_time * angle),
+            angular_acceleration=max(self.angular_acceleration, per_time**2 * angle),
+        )
+
+
+USUAL = Scales()
+"""Those of programs that serve many moves."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +288,9 @@ def _optional_bounds(aircraft: Aircraft) -> Bounds:
     return bounds
 
 
-def add_drone(phase: Phase, problem: Problem, aircraft: Aircraft) -> None:
+def add_drone(
+    phase: Phase, problem: Problem, aircraft: Aircraft, scales: Scales = USUAL
+) -> None:
     """Add states, inputs, dynamics and limits of one drone to a phase.
 
     The states at its start and goal are the parameters ``start_x`` ... ``goal_q``,
@@ -270,17 +308,17 @@ def add_drone(phase: Phase, problem: Problem, aircraft: Aircraft) -> None:
         lower, upper = bounds["bounds", name]
         return phase.state(name, lower, upper, start=start, end=end, scale=scale)
 
-    position = [state(axis, LENGTH_SCALE) for axis in POSITION]
-    velocity = [state(f"v{axis}", SPEED_SCALE) for axis in POSITION]
+    position = [state(axis, scales.length) for axis in POSITION]
+    velocity = [state(f"v{axis}", scales.speed) for axis in POSITION]
     angles = {}
     for name, _, _, axis in axes:
         level = aircraft.heading if axis == 2 else 0.0
-        angles[name] = state(name, ANGLE_SCALE, level)
-    rates = [state(rate, RATE_SCALE) for _, rate, _, _ in axes]
+        angles[name] = state(name, scales.angle, level)
+    rates = [state(rate, scales.rate) for _, rate, _, _ in axes]
     hover = vehicle.hover_thrust
     if aircraft.limits.jerk:
         thrust = state("thrust", hover, hover)
-        scale = vehicle.mass * JERK_SCALE
+        scale = vehicle.mass * scales.jerk
         lean = lean_factor(aircraft.limits.tilt, aircraft.yaw)
         change = phase.control("thrust_rate", degree=0, scale=scale)
         phase.derivative(thrust, change)
@@ -298,7 +336,7 @@ def add_drone(phase: Phase, problem: Problem, aircraft: Aircraft) -> None:
             name,
             *bounds["bounds", name],
             degree=1,
-            scale=ANGULAR_ACCELERATION_SCALE,
+            scale=scales.angular_acceleration,
         )
         for _, _, name, _ in axes
     ]
@@ -319,20 +357,20 @@ def add_drone(phase: Phase, problem: Problem, aircraft: Aircraft) -> None:
     ):
         phase.derivative(angles[name], rate)
         phase.derivative(rate, acceleration)
-    _limit_torques(phase, aircraft)
+    _limit_torques(phase, aircraft, scales)
     for name, moved in (
         ("acceleration", velocity[:2]),
         ("vertical_acceleration", velocity[2:]),
     ):
         if pair := bounds.get(("path", name)):
-            scale = ACCELERATION_SCALE ** len(moved)
+            scale = scales.acceleration ** len(moved)
             phase.constrain_rate(moved, *pair, name=name, scale=scale)
     if pair := bounds.get(("path", "level_speed")):
         squared = velocity[0] ** 2 + velocity[1] ** 2
-        phase.constrain(squared, *pair, name="level_speed", scale=SPEED_SCALE**2)
+        phase.constrain(squared, *pair, name="level_speed", scale=scales.speed**2)
 
 
-def _limit_torques(phase: Phase, aircraft: Aircraft) -> None:
+def _limit_torques(phase: Phase, aircraft: Aircraft, scales: Scales) -> None:
     """Keep torques and rotor speeds within their limits."""
     from showc.vehicle.motion import torques_for  # noqa: PLC0415
 
@@ -351,7 +389,7 @@ def _limit_torques(phase: Phase, aircraft: Aircraft) -> None:
     )
     for k, name in enumerate(TORQUES):
         if pair := bounds.get(("path", name)):
-            scale = aircraft.torque_per_acceleration[k] * ANGULAR_ACCELERATION_SCALE
+            scale = aircraft.torque_per_acceleration[k] * scales.angular_acceleration
             phase.constrain(torques[k], *pair, name=name, scale=scale)
     fractions = vehicle.rotor_fractions()
     thrust = _thrust(phase)
@@ -374,19 +412,21 @@ EFFORT_TORQUE = 1.0
 """Weight of squared angular acceleration (over its scale) in the effort."""
 
 
-def effort(phase: Phase, aircraft: Aircraft) -> Any:  # noqa: ANN401
+def effort(phase: Phase, aircraft: Aircraft, scales: Scales = USUAL) -> Any:  # noqa: ANN401
     """Squared inputs, off hover and scaled: what an effort term integrates."""
     controls, vehicle = phase.controls, aircraft.vehicle
     total = (_thrust(phase) / vehicle.hover_thrust - 1.0) ** 2
     for name in input_names(aircraft)[1:]:
         symbol = controls[f"{name}"].quantity.symbol
-        total += EFFORT_TORQUE * (symbol / ANGULAR_ACCELERATION_SCALE) ** 2
+        total += EFFORT_TORQUE * (symbol / scales.angular_acceleration) ** 2
     if rate := controls.get("thrust_rate"):
-        total += (rate.quantity.symbol / (vehicle.mass * JERK_SCALE)) ** 2
+        total += (rate.quantity.symbol / (vehicle.mass * scales.jerk)) ** 2
     return total
 
 
-def single_problem(aircraft: Aircraft, *, minimum_time: bool) -> Problem:
+def single_problem(
+    aircraft: Aircraft, *, minimum_time: bool, scales: Scales = USUAL
+) -> Problem:
     """State the problem of one drone.
 
     Parameters of the problem: start and goal; ``effort`` and ``nearness``, the weights
@@ -397,9 +437,9 @@ def single_problem(aircraft: Aircraft, *, minimum_time: bool) -> Problem:
 
     problem = Problem("drone")
     phase = problem.phase("leg", duration=(0.05, 10_000.0))
-    add_drone(phase, problem, aircraft)
+    add_drone(phase, problem, aircraft, scales)
     weight = problem.parameter("effort", 1e-3)
-    running = weight * effort(phase, aircraft)
+    running = weight * effort(phase, aircraft, scales)
     if minimum_time:
         problem.minimise(phase.duration + phase.integral(running))
         return problem

@@ -60,6 +60,9 @@ gains a tenth of that."""
 ROOMS = (ROOM, 0.01, 0.02, 0.04)
 """Shares of the limits of acceleration left unused, one try after the other: graded
 meshes keep them at their points, and fly beyond them between these."""
+GRADED = ((3, ROOMS[1], 1e-6), (4, ROOMS[2], 1e-3), (5, ROOMS[3], 4e-3))
+"""Tries on graded meshes: least points of an interval, room, and share of the range of
+a path constraint left unused; rotors turn beyond their limits between points, too."""
 PASSES = 4
 """Greatest number of passes in which interval borders move."""
 
@@ -141,7 +144,7 @@ def _attempts(
             solution = _moving(programs, widths, guess, tolerance)
             if solution is not None:
                 yield solution
-    for points, room in zip((3, 4, 5), ROOMS[1:], strict=True):
+    for points, room, margin in GRADED:
         programs.leave(room)
         yield solve_on_graded_meshes(
             programs,
@@ -151,6 +154,7 @@ def _attempts(
             tolerance=tolerance,
             effort=EFFORT,
             points=points,
+            margin=margin,
         )
 
 
