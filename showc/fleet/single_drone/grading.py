@@ -6,6 +6,7 @@ iterations whatever the move, yaw free or held.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,21 @@ ACCURACY = 5e-5
 is proved afterwards."""
 
 
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Where a flight on a graded mesh keeps its limits: between points it exceeds them.
+
+    The room for accelerations is the program's: see :meth:`Programs.leave`.
+    """
+
+    points: int
+    """Least number of collocation points of an interval."""
+    room: float
+    """Share of the limits of acceleration left unused."""
+    margin: float
+    """Share of the range of each path constraint left unused; rotors have no other."""
+
+
 def solve_on_graded_meshes(
     programs: Programs,
     start: FloatArray,
@@ -38,8 +54,7 @@ def solve_on_graded_meshes(
     *,
     tolerance: float,
     effort: float,
-    points: int,
-    margin: float,
+    kept: Kept,
 ) -> Solution:
     """Fly from hover to hover in the least time.
 
@@ -55,15 +70,13 @@ def solve_on_graded_meshes(
         Wanted relative error of the time.
     effort
         Weight of the effort beside the time.
-    points
-        Least number of collocation points of an interval.
-    margin
-        Room left at path constraints, as a share of their range.
+    kept
+        Where limits are kept, and with how much room.
 
     Returns
     -------
     Solution
-        States of degree ``points`` or more, inputs linear on each interval.
+        States of degree ``kept.points`` or more, inputs linear on each interval.
     """
     # The core loads casadi, which checking a script must not.
     from showc.ocp.mesh import Mesh  # noqa: PLC0415
@@ -72,6 +85,7 @@ def solve_on_graded_meshes(
     from showc.ocp.refinement.options import Grading, Options  # noqa: PLC0415
     from showc.ocp.transcription.condensed.transcription import END  # noqa: PLC0415
 
+    programs.leave(kept.room)
     aircraft = programs.aircraft
     scales = USUAL.raised(float(np.linalg.norm((goal - start)[:3])), guessed)
     problem = single_problem(aircraft, minimum_time=True, scales=scales)
@@ -88,8 +102,8 @@ def solve_on_graded_meshes(
         parameters=programs.ends | {"effort": effort},
         options=Options.graded(
             LONGER * tolerance,
-            grading=Grading(accuracy=ACCURACY, points=points, margin=margin),
-            mesh=Mesh((linear_mesh(breaks, [points] * FIRST, (), margin),)),
+            grading=Grading(accuracy=ACCURACY, points=kept.points, margin=kept.margin),
+            mesh=Mesh((linear_mesh(breaks, [kept.points] * FIRST, (), kept.margin),)),
         ),
     )
     programs.refined(solution, "graded towards both ends, where the attitude moves")

@@ -412,15 +412,15 @@ EFFORT_TORQUE = 1.0
 """Weight of squared angular acceleration (over its scale) in the effort."""
 
 
-def effort(phase: Phase, aircraft: Aircraft, scales: Scales = USUAL) -> Any:  # noqa: ANN401
+def effort(phase: Phase, aircraft: Aircraft) -> Any:  # noqa: ANN401
     """Squared inputs, off hover and scaled: what an effort term integrates."""
     controls, vehicle = phase.controls, aircraft.vehicle
     total = (_thrust(phase) / vehicle.hover_thrust - 1.0) ** 2
     for name in input_names(aircraft)[1:]:
         symbol = controls[f"{name}"].quantity.symbol
-        total += EFFORT_TORQUE * (symbol / scales.angular_acceleration) ** 2
+        total += EFFORT_TORQUE * (symbol / USUAL.angular_acceleration) ** 2
     if rate := controls.get("thrust_rate"):
-        total += (rate.quantity.symbol / (vehicle.mass * scales.jerk)) ** 2
+        total += (rate.quantity.symbol / (vehicle.mass * USUAL.jerk)) ** 2
     return total
 
 
@@ -439,7 +439,7 @@ def single_problem(
     phase = problem.phase("leg", duration=(0.05, 10_000.0))
     add_drone(phase, problem, aircraft, scales)
     weight = problem.parameter("effort", 1e-3)
-    running = weight * effort(phase, aircraft, scales)
+    running = weight * effort(phase, aircraft)
     if minimum_time:
         problem.minimise(phase.duration + phase.integral(running))
         return problem

@@ -15,7 +15,7 @@ import numpy as np
 
 from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.single_drone.assembly import trajectory_of
-from showc.fleet.single_drone.grading import solve_on_graded_meshes
+from showc.fleet.single_drone.grading import Kept, solve_on_graded_meshes
 from showc.fleet.single_drone.guess import flat_guess
 from showc.fleet.single_drone.intervals import (
     END_GRADING,
@@ -29,7 +29,7 @@ from showc.fleet.single_drone.judgement import (
     judge,
     refusal,
 )
-from showc.fleet.single_drone.model import ROOM, in_motion
+from showc.fleet.single_drone.model import ROOM, USUAL, in_motion
 from showc.fleet.single_drone.programs import Programs
 from showc.ocp.refinement.strategy import refine
 
@@ -51,18 +51,19 @@ CLOSE = 1e-3
 """Error of the time that these are good for."""
 SPARE = 1.1
 """Time to start from, over the estimate."""
-PROMISING = 0.95
-"""A first flight with movable borders is built upon if it takes no longer than this
-times the one it started from."""
 SETTLED = 2.0
 """Change by a pass over the tolerance below which borders have settled: another pass
 gains a tenth of that."""
-ROOMS = (ROOM, 0.01, 0.02, 0.04)
-"""Shares of the limits of acceleration left unused, one try after the other: graded
-meshes keep them at their points, and fly beyond them between these."""
-GRADED = ((3, ROOMS[1], 1e-6), (4, ROOMS[2], 1e-3), (5, ROOMS[3], 4e-3))
-"""Tries on graded meshes: least points of an interval, room, and share of the range of
-a path constraint left unused; rotors turn beyond their limits between points, too."""
+ROOMS = (ROOM, 0.01)
+"""Shares of the limits of acceleration left unused where borders move, one after the
+other; graded meshes fly beyond these between their points, by more."""
+GRADED = (
+    Kept(points=3, room=0.01, margin=1e-6),
+    Kept(points=4, room=0.02, margin=1e-3),
+    Kept(points=5, room=0.04, margin=4e-3),
+)
+"""Graded meshes, one try after the other; a solver's tolerance is the least margin, and
+rotors were seen to turn beyond their limits by up to 1e-3 of them between points."""
 PASSES = 4
 """Greatest number of passes in which interval borders move."""
 
@@ -135,31 +136,37 @@ def _attempts(
     aircraft = programs.aircraft
     estimate = float(minimum_time_estimate(aircraft, here[None], way[None])[1][0])
     limited = aircraft.limits.limits_acceleration
+    length = float(np.linalg.norm(way[:3] - here[:3]))
+    # However quick a move, its effort weighs little beside its time.
+    quick = USUAL.raised(length, estimate).angular_acceleration
+    effort = EFFORT * (USUAL.angular_acceleration / quick) ** 2
     if aircraft.yaw == "held" and tolerance >= CLOSE:
         count = interval_count(estimate, INTERVALS)
         widths = graded_widths(SPARE * estimate, count, END_GRADING)
         guess = flat_guess(aircraft, here, way, widths)
-        for room in ROOMS[:2] if limited else ROOMS[:1]:
+        for room in ROOMS if limited else ROOMS[:1]:
             programs.leave(room)
-            solution = _moving(programs, widths, guess, tolerance)
+            solution = _moving(programs, widths, guess, effort, tolerance)
             if solution is not None:
                 yield solution
-    for points, room, margin in GRADED:
-        programs.leave(room)
+    for kept in GRADED:
         yield solve_on_graded_meshes(
             programs,
             here,
             way,
             SPARE * estimate,
             tolerance=tolerance,
-            effort=EFFORT,
-            points=points,
-            margin=margin,
+            effort=effort,
+            kept=kept,
         )
 
 
 def _moving(
-    programs: Programs, widths: FloatArray, guess: Guess | Solution, tolerance: float
+    programs: Programs,
+    widths: FloatArray,
+    guess: Guess | Solution,
+    effort: float,
+    tolerance: float,
 ) -> Solution | None:
     """Least time on a number of intervals whose borders move; ``None`` if it fails.
 
@@ -170,11 +177,11 @@ def _moving(
     best: Solution | None = None
     why = "graded towards both ends; borders move to where limits begin to bind"
     for _ in range(PASSES):
-        moved = programs.solve(program, widths, guess, {"effort": EFFORT}, why=why)
+        moved = programs.solve(program, widths, guess, {"effort": effort}, why=why)
         why = "from where the borders came to lie, they move on"
-        gain = 1.0 - moved.duration / float(widths.sum())
-        if not moved.result.usable or (best is None and gain < 1.0 - PROMISING):
+        if not moved.result.usable:
             break
+        gain = 1.0 - moved.duration / float(widths.sum())
         if best is not None and abs(gain) < SETTLED * tolerance:
             return min(best, moved, key=lambda flight: flight.duration)
         best, widths, guess = moved, moved.phases[0].widths, moved
