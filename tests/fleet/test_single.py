@@ -107,6 +107,19 @@ def agile(yaw, tilt, body_rate, jerk):
     return Aircraft(small.vehicle, limits, yaw)
 
 
+@pytest.mark.parametrize("yaw", ["held", "free"])
+def test_a_motion_is_left_where_it_turns(yaw):
+    """It stands there and leans; the way to where it stays has no length."""
+    turning = np.stack([ABOVE, np.zeros(3), [0.7, 0.0, 0.0], np.zeros(3)])[:, None]
+    leaning = state_in_motion(PRESET.vehicle, turning, 0.0)[0]
+    result = minimum_time(replace(HELD, yaw=yaw), leaning, ABOVE)
+    assert result.solved, result.message
+    assert result.duration < 0.15
+    # Finer meshes took hundreds of iterations each.
+    assert result.solves <= 3
+    assert independent_miss(PRESET.vehicle, result.trajectory) < 1e-3
+
+
 def test_borders_move_in_quick_moves_too():
     aircraft, goal = agile("held", 70.0, 1500.0, 0.0), ABOVE + [0.3, 0.0, 0.5]
     result = minimum_time(aircraft, ABOVE, goal)

@@ -51,6 +51,10 @@ CLOSE = 1e-3
 """Error of the time that these are good for."""
 SPARE = 1.1
 """Time to start from, over the estimate."""
+ON_THE_SPOT, CLOSE_ON_THE_SPOT = 0.1, 0.05
+"""Least time to start from [s], and how closely it is then found: an aircraft that only
+leans moves by hundredths of a millimetre, and a finer mesh finds nothing to be fine at.
+"""
 SETTLED = 2.0
 """Change by a pass over the tolerance below which borders have settled: another pass
 gains a tenth of that."""
@@ -135,6 +139,8 @@ def _attempts(
     """
     aircraft = programs.aircraft
     estimate = float(minimum_time_estimate(aircraft, here[None], way[None])[1][0])
+    if estimate < ON_THE_SPOT:
+        estimate, tolerance = ON_THE_SPOT, max(tolerance, CLOSE_ON_THE_SPOT)
     limited = aircraft.limits.limits_acceleration
     length = float(np.linalg.norm(way[:3] - here[:3]))
     # However quick a move, its effort weighs little beside its time.
