@@ -351,11 +351,11 @@ class _Walk:
                 f"{found[0]} to {found[1]} ns",
             )
         self.log.chunks.append(Chunk(size, span, *table))
-        at, positions = record.stop, []
+        index, positions = bytearray(), []
         for channel, some in entries.items():
-            index = encoded(Opcode.MESSAGE_INDEX, channel, bytes(some))
-            positions.append((channel, at))
-            at = self._same(at, index, Opcode.MESSAGE_INDEX)
+            positions.append((channel, record.stop + len(index)))
+            index += encoded(Opcode.MESSAGE_INDEX, channel, bytes(some))
+        at = self._same(record.stop, bytes(index), Opcode.MESSAGE_INDEX)
         self.index[Opcode.CHUNK_INDEX].append(
             (
                 *(start, end, position, record.stop - position, positions),

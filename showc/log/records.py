@@ -63,6 +63,9 @@ _FIELDS = {
 """Fields of each kind, in order: integers by their size, texts, maps by what they map,
 and bytes with the size of their length."""
 
+_KINDS = {opcode: kinds.split() for opcode, kinds in _FIELDS.items()}
+"""The same, taken apart."""
+
 
 class DamagedLogError(DamagedFileError):
     """The log is cut, altered, or not one of showc's.
@@ -170,7 +173,7 @@ def next_record(view: memoryview | bytes, position: int) -> Record:
 def fields(view: memoryview | bytes, record: Record) -> tuple[Any, ...]:
     """Return the fields of a record; written again, they must be its bytes."""
     opcode, data = Opcode(record.opcode), memoryview(view)[record.start : record.stop]
-    kinds, found, at = _FIELDS[opcode].split(), list[Any](), 0
+    kinds, found, at = _KINDS[opcode], list[Any](), 0
     with suppress(UnicodeDecodeError):
         for kind in kinds:
             value, end = _taken(data, at, kind)
@@ -208,8 +211,8 @@ def _taken(data: memoryview, at: int, kind: str) -> tuple[Any, int]:
 
 def encoded(opcode: Opcode, *values: Any) -> bytes:  # noqa: ANN401 - see the table
     """Return a record with these fields, as it stands in a file."""
-    kinds = _FIELDS[opcode].split()
-    content = b"".join(_field(*one) for one in zip(kinds, values, strict=True))
+    pairs = zip(_KINDS[opcode], values, strict=True)
+    content = b"".join([_field(*one) for one in pairs])
     return HEAD.pack(opcode, len(content)) + content
 
 

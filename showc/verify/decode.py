@@ -7,7 +7,7 @@ from collections import Counter
 from fractions import Fraction
 from functools import partial
 from io import BytesIO
-from itertools import chain, islice
+from itertools import chain, groupby, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -38,6 +38,8 @@ _PARTS: dict[bytes, Any]  # of an abort table, by their tags
 _PARTS = {b"\x22": pb.AbortRow, b"\x2a": pb.Segment, b"\x32": pb.Trajectory}
 
 _MALFORMED = DecodeError, RecursionError, MemoryError
+
+_AT_ONCE = 32  # flights whose coefficients are joined together
 
 TOPIC = re.compile(r"/drone/(\d{4,5})/trajectory")
 
@@ -257,17 +259,28 @@ def _table(flights: Sequence[tuple[pb.Trajectory, int]], lasts: float) -> PieceT
     """Join the flights of a segment, each with its offset; Damage if one is odd."""
     tables, most = [], min(CAPS["pieces"], CAPS["few"] + CAPS["pace"] * lasts)
     for one, offset in flights:
-        breaks, pieces = np.array(one.breaks), len(one.breaks) - 1
-        shapes = (one.state_degree + 1, WIDTHS[0]), (one.control_degree + 1, WIDTHS[1])
-        both = [*zip((one.state, one.control), shapes, strict=True)]
-        if not 0 < pieces <= most or not all(
-            terms <= CAPS["degree"] + 1 and len(some) == pieces * terms * width
-            for some, (terms, width) in both
+        pieces, sizes = len(one.breaks) - 1, [len(one.state), len(one.control)]
+        terms = one.state_degree + 1, one.control_degree + 1
+        if (
+            not 0 < pieces <= most
+            or max(terms) > CAPS["degree"] + 1
+            or sizes != [pieces * n * m for n, m in zip(terms, WIDTHS, strict=True)]
         ):
             raise Damage(offset, "a trajectory contradicts itself")
-        curves = (np.array(some).reshape(pieces, *shape) for some, shape in both)
-        first = np.array([one.drone]), np.array([0, pieces])
-        tables.append(PieceTable(*first, breaks[:-1], breaks[1:], *curves))
+    for _, run in groupby(
+        enumerate(one for one, _ in flights),
+        lambda x: (x[0] // _AT_ONCE, x[1].state_degree, x[1].control_degree),
+    ):
+        some, whole = [one for _, one in run], pb.Trajectory()
+        for one in some:
+            whole.MergeFrom(one)  # its numbers after those before
+        first = np.append(0, np.cumsum([len(one.breaks) - 1 for one in some]))
+        cuts = (some_ + np.arange(len(some)) for some_ in (first[1:], first[:-1]))
+        spans = (np.delete(whole.breaks, cut) for cut in cuts)
+        both = zip((whole.state, whole.control), WIDTHS, strict=True)
+        curves = (np.array(flat).reshape(first[-1], -1, width) for flat, width in both)
+        drones = np.array([one.drone for one in some])
+        tables.append(PieceTable(drones, first, *spans, *curves))
     table = PieceTable.joined(tables)
     # Numbers that are undefined make the comparisons false.
     sound = (table.start > -LARGEST) & (table.start < table.end) & (table.end < LARGEST)

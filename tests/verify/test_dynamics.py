@@ -18,7 +18,7 @@ from showc.log import showc_pb2 as pb
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle import PRESETS
 from showc.verify.kernel import dynamics
-from showc.verify.kernel.bernstein import basis
+from showc.verify.kernel.bernstein import basis, rows_last
 from showc.verify.kernel.dynamics import (
     ANGLE,
     GAMMA,
@@ -28,7 +28,6 @@ from showc.verify.kernel.dynamics import (
     WINDOW,
     _chebyshev,
     _refined,
-    _rows_last,
     _scheme,
     _sides,
     _transform,
@@ -355,7 +354,7 @@ def test_what_interpolation_leaves_out_is_bounded_in_balls(seed, degree, turn):
         np.array([0]), np.array([0, 1]), np.zeros(1), np.ones(1), state, control
     )
     scheme = _scheme(degree, 4)
-    logged, pushed = _rows_last(table.state), _rows_last(table.control)
+    logged, pushed = rows_last(table.state), rows_last(table.control)
     value, size = _sides(logged, pushed, VEHICLE, scheme)
     error = _truncation(logged, pushed, VEHICLE.mass, scheme[0])
     found = np.tensordot(_transform(scheme[0]), value, axes=1)[:, :3, 0]

@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 MOST = 500_000
 """Intervals open at once at which a search gives up: what it looks for is undecided."""
 
-_ROUNDS = 80
-"""Halvings of an interval after which it does: float64 has no more."""
+_ROUNDS = 80  # halvings of an interval after which it does: float64 has no more
 
 
 def binomials(degree: int) -> FloatArray:
@@ -53,6 +52,8 @@ def elevate(coefficients: FloatArray, target: int) -> FloatArray:
     """
     for degree in range(coefficients.shape[1], target + 1):
         share = np.arange(1, degree)[:, None] / degree
+        # As wide as what it is multiplied with: each step then runs along memory.
+        share = share.repeat(coefficients.shape[2], axis=1)
         inside = share * coefficients[:, :-1] + (1.0 - share) * coefficients[:, 1:]
         ends = coefficients[:, :1], coefficients[:, -1:]
         coefficients = np.concatenate([ends[0], inside, ends[1]], axis=1)
@@ -69,6 +70,11 @@ def halves(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
     return left, right
 
 
+def rows_last(coefficients: FloatArray) -> FloatArray:
+    """Coefficients as (degree + 1, ..., pieces): steps then run along memory."""
+    return np.ascontiguousarray(np.moveaxis(coefficients, 0, -1))
+
+
 def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
     """Coefficients of the same polynomials between two fractions of the interval.
 
@@ -79,11 +85,17 @@ def part(coefficients: FloatArray, lower: FloatArray, upper: FloatArray) -> Floa
     result = np.moveaxis(coefficients, 0, -1).copy(order="C")
     rest = np.where(lower < 1.0, 1.0 - lower, 1.0)
     beyond = 1.0 - np.clip((upper - lower) / rest, 0.0, 1.0)
+    # Most intervals are cut at one end, or at none.
+    late, early = np.flatnonzero(lower != 0.0), np.flatnonzero(beyond != 0.0)
+    some, share = result.take(late, axis=-1), lower[late]
     for last in range(degree, 0, -1):
-        result[:last] += lower * (result[1 : last + 1] - result[:last])
+        some[:last] += share * (some[1 : last + 1] - some[:last])
+    result[..., late] = some
+    some, share = result.take(early, axis=-1), beyond[early]
     for first in range(degree):
-        result[first + 1 :] += beyond * (result[first:-1] - result[first + 1 :])
-    return np.ascontiguousarray(np.moveaxis(result, -1, 0))
+        some[first + 1 :] += share * (some[first:-1] - some[first + 1 :])
+    result[..., early] = some
+    return np.moveaxis(result, -1, 0)
 
 
 def square_sum(coefficients: FloatArray) -> FloatArray:
@@ -96,27 +108,23 @@ def product(one: FloatArray, other: FloatArray) -> FloatArray:
 
     Takes shapes (pieces, degree + 1, components); Farouki 2012, equation 44.
     """
-    gram = np.matmul(one, np.swapaxes(other, 1, 2))
     m, n = one.shape[1] - 1, other.shape[1] - 1
-    gram *= np.outer(binomials(m), binomials(n))
-    result = np.zeros((one.shape[0], m + n + 1))
-    for i in range(m + 1):
-        result[:, i : i + n + 1] += gram[:, i]
-    return np.asarray(result / binomials(m + n))
+    first, second = rows_last(one), rows_last(other)
+    second = second * binomials(n)[:, None, None]
+    result = np.zeros((m + n + 1, one.shape[0]))
+    for i, share in enumerate(binomials(m)):
+        result[i : i + n + 1] += np.einsum("kr,jkr->jr", share * first[i], second)
+    return np.asarray(result.T / binomials(m + n))
 
 
 @dataclass(frozen=True, slots=True)
 class Least:
     """The least value over some intervals, enclosed."""
 
-    lower: float
-    """No value is less; minus infinity if that is undecided."""
-    upper: float
-    """Value that is reached."""
-    row: int
-    """On which of the intervals; 0 if the value was known before."""
-    fraction: float
-    """Where on it, from 0 to 1."""
+    lower: float  # no value is less; minus infinity if that is undecided
+    upper: float  # value that is reached
+    row: int  # on which of the intervals; 0 if the value was known before
+    fraction: float  # where on it, from 0 to 1
 
 
 def least(

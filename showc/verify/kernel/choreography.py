@@ -108,8 +108,8 @@ def _inside(show: LoggedShow) -> Iterator[Seen]:
     for one in show.segments:
         table = one.table
         first, last = table.first[:-1], table.first[1:] - 1
-        later = np.setdiff1d(np.arange(table.start.size), first)
-        jump = np.abs(table.state[later, 0] - table.state[later - 1, -1])
+        later = np.delete(np.arange(table.start.size), first)
+        jump = np.abs(table.state[1:, 0] - table.state[:-1, -1])[later - 1]
         name, time = one.message.name, one.start + table.start
         yield Seen(name, time[later], table.owner[later], jump.max(axis=1))
         edge = np.abs(table.end[last] - one.duration)

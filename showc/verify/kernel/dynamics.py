@@ -64,13 +64,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebint
 
-from showc.verify.kernel.bernstein import basis, halves
+from showc.verify.kernel.bernstein import basis, halves, rows_last
 from showc.verify.kernel.show import PieceTable, Seen, Statement, worst, xyz
 
 if TYPE_CHECKING:
@@ -121,11 +120,10 @@ ANGLE, RATE = float(np.radians(0.005)), float(np.radians(0.005))
 TOLERANCES = np.repeat([POSITION, VELOCITY, ANGLE, RATE], 3)
 """The same for each of the twelve states (SI)."""
 
-_Matrices = tuple["FloatArray", "FloatArray"]
-_Scheme = tuple[int, _Matrices, _Matrices, float]
+_Pair = tuple["FloatArray", "FloatArray"]
+_Scheme = tuple[int, _Pair, _Pair, float]
 
-_AT_ONCE = 1_000
-"""Mesh intervals taken together: few enough to stay in the processor's cache."""
+_AT_ONCE = 1_000  # mesh intervals taken together: they stay in the processor's cache
 
 _SIGNS = np.array(
     [[1.0, 1.0, 1.0, 1.0], [0.0, -1.0, 0.0, 1.0], [1.0, 0.0, -1.0, 0.0], [1, -1, 1, -1]]
@@ -189,7 +187,8 @@ def radius(segment: Segment, vehicle: Vehicle) -> FloatArray:
             # A window is taken as a drone of its own is.
             of_drone = np.isin(np.arange(part.start.size), part.first[:-1])
             late = np.diff(part.start // WINDOW, prepend=0.0) != 0.0
-            waits = np.ptp(part.state[:, :, :3], axis=1).max(axis=1) <= STILL
+            places = rows_last(part.state[:, :, :3])
+            waits = np.ptp(places, axis=0).max(axis=0) <= STILL
             waits[1:] |= waits[:-1]
             each = np.flatnonzero(of_drone | late | waits)
             first = np.append(each, part.start.size)
@@ -251,11 +250,6 @@ def _scheme(state_degree: int, control_degree: int) -> _Scheme:
 
 
 # Step 1: right sides on some mesh intervals.
-def _rows_last(coefficients: FloatArray) -> FloatArray:
-    """Coefficients as (degree + 1, components, rows): sums then run along memory."""
-    return np.ascontiguousarray(coefficients.transpose(1, 2, 0))
-
-
 def _excess(control: FloatArray, vehicle: Vehicle) -> FloatArray:
     """How far coefficients of the squared rotor speeds leave [0, 1], (4, rows)."""
     share = rotor_shares(vehicle)
@@ -340,23 +334,22 @@ def _couplings(vehicle: Vehicle) -> FloatArray:
 
 
 # Step 1: defects.
-_FIRST = [3, 4, 5, 9, 10, 11]
-"""What the right sides are integrated to: velocity and rates."""
-_SECOND = [0, 1, 2, 6, 7, 8]
-"""What these are integrated to: position and angles."""
+_FIRST = [3, 4, 5, 9, 10, 11]  # what right sides are integrated to: velocity and rates
+_SECOND = [0, 1, 2, 6, 7, 8]  # what these are integrated to: position and angles
 _ONE, _OTHER = [1, 0, 0], [2, 2, 1]  # rates whose products turn it about each axis
 
 
 def _defects(
-    table: PieceTable, vehicle: Vehicle, error: FloatArray
+    table: PieceTable, vehicle: Vehicle, curves: _Pair, error: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Bounds of |y1 - ~y1| and |y2 - ~y2| on each mesh interval, each (6, rows).
 
-    ``error`` (6, rows) is what the right sides leave out.
+    ``curves`` are those of the table; ``error`` (6, rows) is what the right sides
+    leave out.
     """
     scheme = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
-    width, state = table.end - table.start, _rows_last(table.state)
-    value, size = _sides(state, _rows_last(table.control), vehicle, scheme)
+    width, (state, control) = table.end - table.start, curves
+    value, size = _sides(state, control, vehicle, scheme)
     whole = np.abs(state).max(axis=0)
     _, _, integrals, gain = scheme
     rounding = GAMMA * gain
@@ -371,18 +364,18 @@ def _defects(
         terms = logged.shape[0]
         found[:terms] -= np.tensordot(_chebyshev(terms - 1), logged, axes=1)
         polynomial.append(found)
-    initial = table.state[table.first[:-1], 0].T
+    initial, first = state[0][:, table.first[:-1]], table.first
     none = np.zeros((6, table.drones.size))
-    y1 = _sums(table.first, initial[_FIRST], step[0])
-    y2 = _sums(table.first, initial[_SECOND], width * y1 + step[1])
-    late = _sums(table.first, none, off[0])
-    astray = _sums(table.first, none, width * late + off[1])
+    y1 = _sums(first, initial[_FIRST], step[0])
+    y2 = _sums(first, initial[_SECOND], width * y1 + step[1])
+    late = _sums(first, none, off[0])
+    astray = _sums(first, none, width * late + off[1])
     polynomial[0][0] += y1
     # The start's velocity goes on evenly: width * s = width / 2 (T_0 + T_1).
     polynomial[1][0] += y2 + 0.5 * width * y1
     polynomial[1][1] += 0.5 * width * y1
-    first, second = (np.abs(some).sum(axis=0) for some in polynomial)
-    return first + late + off[0], second + astray + width * late + off[1]
+    once, twice = (np.abs(some).sum(axis=0) for some in polynomial)
+    return once + late + off[0], twice + astray + width * late + off[1]
 
 
 def _sums(first: IntArray, start: FloatArray, steps: FloatArray) -> FloatArray:
@@ -392,21 +385,24 @@ def _sums(first: IntArray, start: FloatArray, steps: FloatArray) -> FloatArray:
     """
     found = np.roll(steps, 1, axis=1)
     found[:, first[:-1]] = start
-    for begin, end in pairwise(first.tolist()):
-        np.cumsum(found[:, begin:end], axis=1, out=found[:, begin:end])
+    counts = np.diff(first)
+    for many in {*counts.tolist()}:
+        # Drones with as many intervals are followed together.
+        own = first[:-1][counts == many][:, None] + np.arange(many)
+        found[:, own] = np.cumsum(found[:, own], axis=2)
     return found
 
 
 # Steps 2 to 4.
 def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
-    fine, error = _refined(table, vehicle)
-    each, defects = fine.first[:-1], _defects(fine, vehicle, error)
+    fine, curves, error = _refined(table, vehicle)
+    each, defects = fine.first[:-1], _defects(fine, vehicle, curves, error)
     most = [np.maximum.reduceat(one, each, axis=1) for one in defects]
     width = fine.end - fine.start
     total = np.add.reduceat(width, each)
-    hull = np.abs(fine.state[:, :, 9:]).max(axis=1)
-    slopes = np.abs(_couplings(vehicle)) * (hull[:, _ONE] + hull[:, _OTHER] + ETA)
-    growth = np.add.reduceat(width * slopes.max(axis=1), each)
+    hull = np.abs(curves[0][:, 9:]).max(axis=0)
+    slopes = np.abs(_couplings(vehicle))[:, None] * (hull[_ONE] + hull[_OTHER] + ETA)
+    growth = np.add.reduceat(width * slopes.max(axis=0), each)
     sup = most[0][3:].max(axis=0)
     within = sup * np.exp(growth) <= ETA
     gyroscopic = np.where(within, sup * np.expm1(growth), np.inf)
@@ -422,23 +418,26 @@ def _radius(table: PieceTable, vehicle: Vehicle) -> FloatArray:
     return np.where(np.isfinite(found), found, np.inf)
 
 
-def _refined(table: PieceTable, vehicle: Vehicle) -> tuple[PieceTable, FloatArray]:
+def _refined(
+    table: PieceTable, vehicle: Vehicle
+) -> tuple[PieceTable, _Pair, FloatArray]:
     """Halve intervals on which step 1 would be coarse.
 
-    Also returns what interpolation and clipping leave out of the right sides at every
-    instant, shape (6, rows) (SI).
+    Also returns states and controls with rows last, and what interpolation and clipping
+    leave out of the right sides at every instant, shape (6, rows) (SI).
     """
     degree, *_ = _scheme(table.state.shape[1] - 1, table.control.shape[1] - 1)
     most, halvings = table.start.size + _MORE, 0
     while True:
-        state, control = _rows_last(table.state), _rows_last(table.control)
+        state, control = rows_last(table.state), rows_last(table.control)
         rest = _truncation(state, control, vehicle.mass, degree)
         over = _excess(control, vehicle)
         coarse = ~(rest <= _FINE) | (over.max(axis=0) > _CLIPPED)
         if not coarse.any() or coarse.size > most or halvings == _HALVINGS:
             off = np.abs(allocation(vehicle)) @ over
             thrust = rest + off[:1] / vehicle.mass
-            return table, np.concatenate([*[thrust] * 3, _turning(vehicle) * off[1:]])
+            error = np.concatenate([*[thrust] * 3, _turning(vehicle) * off[1:]])
+            return table, (state, control), error
         table, halvings = _halved(table, coarse), halvings + 1
 
 

@@ -30,13 +30,13 @@ their radius R: (1 + s) T R / m more jerk at most. The fence is a theorem of its
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.verify.kernel.bernstein import elevate, least, product, square_sum
+from showc.verify.kernel.bernstein import elevate, least, product, rows_last, square_sum
 from showc.verify.kernel.dynamics import GAMMA, TOLERANCES, rotor_shares
 from showc.verify.kernel.fence import RESOLUTION as TOUCHES
 from showc.verify.kernel.fence import enclosed
@@ -106,14 +106,10 @@ class Extreme:
     """Greatest value of one limit over one segment, as an enclosure."""
 
     bound: Bound
-    lower: float
-    """Value that is reached, but for rounding."""
-    upper: float
-    """Value that is not exceeded at any instant, rounding included."""
-    drone: int
-    """Where ``lower`` is reached, counting from 0."""
-    time: float
-    """When, since the start of the segment [s]."""
+    lower: float  # value that is reached, but for rounding
+    upper: float  # value that is not exceeded at any instant, rounding included
+    drone: int  # where ``lower`` is reached, counting from 0
+    time: float  # when, since the start of the segment [s]
 
     @property
     def margin(self) -> float:
@@ -177,7 +173,7 @@ def _coefficients(table: PieceTable, rules: Rules, quantity: str) -> FloatArray:
         return control[:, :, int(quantity[1]) - 1]
     if quantity.startswith("rotor"):
         share = rotor_shares(rules.vehicle)[int(quantity.split()[1]) - 1]
-        return np.asarray(control @ share)
+        return np.asarray(sum(own * control[:, :, k] for k, own in enumerate(share)))
     if quantity == "level speed":
         return square_sum(state[:, :, 3:5])
     if quantity == "jerk":
@@ -202,11 +198,12 @@ def _jerk_square(table: PieceTable, rules: Rules) -> FloatArray:
 def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
     """Enclose the greatest value of each of :func:`bounds` over a segment."""
     asked, table = bounds(rules, rules.limits[segment.message.limits]), segment.table
-    found = []
+    # Rows last in memory: the least and greatest of each are then found far sooner.
+    curves = (np.moveaxis(rows_last(x), -1, 0) for x in (table.state, table.control))
+    table, found = replace(table, state=next(curves), control=next(curves)), []
     for quantity, some in groupby(asked, key=lambda bound: bound.quantity):
-        # Rows last in memory: the least of each is then found in half the time.
-        curves = np.asfortranarray(_coefficients(table, rules, quantity))
-        found += [_greatest(table, curves, bound) for bound in some]
+        own = _coefficients(table, rules, quantity)
+        found += [_greatest(table, own, bound) for bound in some]
     fence = np.array(rules.site.fence).reshape(-1, 2)
     if fence.size:
         # On the fence itself nothing is left between inside and outside.
@@ -220,14 +217,18 @@ def extremes(segment: Segment, rules: Rules) -> list[Extreme]:
 
 def _greatest(table: PieceTable, curves: FloatArray, bound: Bound) -> Extreme:
     """Enclose a limit's quantity, ``curves`` (rows, degree + 1), over a table."""
-    work = -bound.sign * curves
-    rounding = GAMMA * float(max(work.max(), -work.min()))
+    low, top = curves.min(axis=1), curves.max(axis=1)
+    rounding = GAMMA * float(max(top.max(), -low.min()))
     if not np.isfinite(rounding):
         return Extreme(bound, np.inf, np.inf, int(table.drones[0]), 0.0)
+    # All other rows stay below what one of these reaches at an end.
+    tops = top if bound.sign > 0.0 else -low
+    rows = np.flatnonzero(tops >= (bound.sign * curves[:, [0, -1]]).max())
     resolution = RESOLUTION * (bound.span**2 if bound.squared else bound.span)
-    found = least(work, lambda hull: hull.min(axis=1), np.asarray, resolution)
-    start, end = table.start[found.row], table.end[found.row]
-    drone = int(table.owner[found.row])
+    work = -bound.sign * curves[rows]
+    found = least(work, lambda some: some.min(axis=1), np.asarray, resolution)
+    row = rows[found.row]
+    start, end, drone = table.start[row], table.end[row], int(table.owner[row])
     time = float(start + found.fraction * (end - start))
     return Extreme(bound, -found.upper, rounding - found.lower, drone, time)
 

@@ -51,27 +51,19 @@ leave more pairs to their polynomials."""
 _CROWD = 200
 """Pairs for each drone that are looked at in a slice: formations as dense as the
 separation allows have half of them. Where there are more, slices are halved."""
-_HALVINGS = 20
-"""How often a slice is halved at most: to a millionth."""
+_HALVINGS = 20  # how often a slice is halved at most: to a millionth
 
 
 @dataclass(slots=True)
 class Encounter:
     """The closest two drones come, of all that were looked at."""
 
-    upper: float = np.inf
-    """Distance that is reached, in the separation's own measure; infinite if there is
-    none [m]."""
-    pair: tuple[int, int] = (0, 0)
-    """The pair that reaches it, counting from 0."""
-    time: float = 0.0
-    """When it does: show time, or on the missions' clock [s]."""
-    lower: float = 0.0
-    """No pair comes nearer at any instant [m]."""
-    segment: str = ""
-    """Name of what is under way then."""
-    error: float = 0.0
-    """Rounding, of numbers and of times, that ``lower`` allows for [m]."""
+    upper: float = np.inf  # distance reached, in the separation's own measure [m]
+    pair: tuple[int, int] = (0, 0)  # the pair that reaches it, counting from 0
+    time: float = 0.0  # when it does: show time, or on the missions' clock [s]
+    lower: float = 0.0  # no pair comes nearer at any instant [m]
+    segment: str = ""  # name of what is under way then
+    error: float = 0.0  # rounding of numbers and times that ``lower`` allows for [m]
 
     def take(self, pairs: IntArray, time: float, gaps: FloatArray) -> None:
         """Remember the nearest of encounters of pairs (n, 2), if it is nearer."""

@@ -58,15 +58,18 @@ class PieceTable:
 
         That is exact to a few roundings a degree, at ends of intervals to the bit.
         """
-        columns = {}
-        for name in ("drones", "start", "end", "state", "control"):
-            parts = [getattr(one, name) for one in tables]
-            if name in {"state", "control"}:
-                degree = max(part.shape[1] for part in parts) - 1
-                parts = [elevate(part, degree) for part in parts]
-            columns[name] = np.concatenate(parts)
+        names = "drones", "start", "end"
+        columns = [np.concatenate([getattr(one, x) for one in tables]) for x in names]
         counts = np.concatenate([np.diff(one.first) for one in tables])
-        return cls(first=np.append(0, np.cumsum(counts)), **columns)
+        first = np.append(0, np.cumsum(counts))
+        for parts in ([one.state for one in tables], [one.control for one in tables]):
+            degree, end = max(part.shape[1] for part in parts) - 1, 0
+            whole = np.empty((first[-1], degree + 1, parts[0].shape[2]))
+            for part in parts:
+                end += len(part)
+                whole[end - len(part) : end] = elevate(part, degree)
+            columns.append(whole)
+        return cls(columns[0], first, *columns[1:])
 
     @property
     def owner(self) -> IntArray:
@@ -100,12 +103,10 @@ class PieceTable:
 class Segment:
     """One leg of the show: what the whole fleet flies in it."""
 
-    message: SegmentMessage
-    """As logged."""
+    message: SegmentMessage  # as logged
     table: PieceTable
     """Every drone is in it; flights of lower degrees are written in the greatest."""
-    goals: FloatArray
-    """Where each drone must end, shape (drones, 3) [m]."""
+    goals: FloatArray  # where each drone must end, shape (drones, 3) [m]
 
     @property
     def start(self) -> float:
@@ -137,12 +138,9 @@ class Segment:
 class LoggedShow:
     """Everything of the log except its samples."""
 
-    rules: Rules
-    """As logged."""
-    segments: tuple[Segment, ...]
-    """In order of their index."""
-    epoch: int
-    """Time stamp of show time zero [ns]."""
+    rules: Rules  # as logged
+    segments: tuple[Segment, ...]  # in order of their index
+    epoch: int  # time stamp of show time zero [ns]
 
     @property
     def drones(self) -> int:
@@ -185,8 +183,7 @@ class Seen(NamedTuple):
     time: FloatArray | float
     """One show time, or one for each value [s]."""
     drones: IntArray
-    values: FloatArray
-    """Shape of ``drones``."""
+    values: FloatArray  # of the same shape
 
 
 def worst(code: str, limit: float, unit: str, found: Iterable[Seen]) -> Statement:

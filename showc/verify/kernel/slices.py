@@ -47,18 +47,12 @@ class Tracks:
     together cover the stretch.
     """
 
-    begin: float
-    """Show time [s]."""
-    end: float
-    """Show time [s]."""
-    first: IntArray
-    """First row of each drone, and the number of rows, shape (drones + 1,)."""
-    starts: FloatArray
-    """Show time at which each row starts, shape (rows,) [s]."""
-    ends: FloatArray
-    """Show time at which each row ends, shape (rows,) [s]."""
-    position: FloatArray
-    """Bernstein coefficients, shape (rows, degree + 1, 3) [m]."""
+    begin: float  # show time [s]
+    end: float  # show time [s]
+    first: IntArray  # first row of each drone, and the number of rows, (drones + 1,)
+    starts: FloatArray  # show time at which each row starts, shape (rows,) [s]
+    ends: FloatArray  # show time at which each row ends, shape (rows,) [s]
+    position: FloatArray  # Bernstein coefficients, shape (rows, degree + 1, 3) [m]
 
     @classmethod
     def of(cls, segment: Segment) -> Tracks:
@@ -73,10 +67,10 @@ class Tracks:
         """Size of the fleet."""
         return int(self.first.size) - 1
 
-    @property
+    @cached_property
     def speed(self) -> float:
         """No drone flies faster [m/s]: hulls of coefficients over times."""
-        steps = np.diff(self.position, axis=1)
+        steps = self.position[:, 1:] - self.position[:, :-1]
         width = np.where(self.ends > self.starts, self.ends - self.starts, np.inf)
         squares = np.einsum("njk,njk->nj", steps, steps).max(axis=1, initial=0.0)
         return float(np.max(np.sqrt(squares) / width) * steps.shape[1])
@@ -118,16 +112,14 @@ def innermost(begin: FloatArray, end: FloatArray) -> FloatArray:
 class Measure:
     """How a difference of positions becomes a distance."""
 
-    axes: tuple[int, ...]
-    """Axes that count."""
-    scale: tuple[float, ...]
-    """Factor on each of them."""
-    largest: bool
-    """Whether the distance is the largest component (else the Euclidean length)."""
+    axes: tuple[int, ...]  # axes that count, one after the other
+    scale: tuple[float, ...]  # factor on each of them
+    largest: bool  # whether it is the largest component (else the Euclidean length)
 
     def space(self, points: FloatArray) -> FloatArray:
         """Places (..., 3) in the space whose distances count, (..., axes)."""
-        return np.asarray(points[..., list(self.axes)] * np.array(self.scale))
+        axes = slice(self.axes[0], self.axes[-1] + 1)
+        return np.asarray(points[..., axes] * np.array(self.scale))
 
     def __call__(self, difference: FloatArray) -> FloatArray:
         """Distances (...) of differences (..., axes), scaled already."""
@@ -211,14 +203,10 @@ def near_pairs(
 class Slice:
     """Where every drone is in a slice of time."""
 
-    begin: FloatArray
-    """Where each is at its start, shape (drones, axes)."""
-    end: FloatArray
-    """Where it is at its end, shape (drones, axes)."""
-    radius: FloatArray
-    """Of the ball around the middle of the chord that holds the flight, (drones,)."""
-    away: FloatArray
-    """How far the flight leaves the chord at most, shape (drones,)."""
+    begin: FloatArray  # where each is at its start, shape (drones, axes)
+    end: FloatArray  # where it is at its end, shape (drones, axes)
+    radius: FloatArray  # of the ball around the chord's middle that holds it, (drones,)
+    away: FloatArray  # how far the flight leaves the chord at most, shape (drones,)
 
     def near(
         self, measure: Measure, distance: float, most: float = np.inf
@@ -233,10 +221,11 @@ class Slice:
         if pairs is None:
             return None
         first, second = pairs.T
-        gap = measure(middle[first] - middle[second]) - self.radius[pairs].sum(axis=1)
+        gap = measure(middle.take(first, axis=0) - middle.take(second, axis=0))
+        gap -= self.radius[first] + self.radius[second]
         first, second = (pairs := pairs[gap < distance]).T
         begin, end = (some[first] - some[second] for some in (self.begin, self.end))
-        gap = measure.of_chords(begin, end) - self.away[pairs].sum(axis=1)
+        gap = measure.of_chords(begin, end) - self.away[first] - self.away[second]
         return np.asarray(pairs[gap < distance], dtype=np.int64)
 
 
