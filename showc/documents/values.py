@@ -142,9 +142,15 @@ def unlike(
 
 
 def _identical(found: Any, wanted: Any) -> bool:  # noqa: ANN401 - JSON
-    """Whether two values are one and no containers; most are, and cost little so."""
-    same = type(found) is type(wanted) and not isinstance(found, list | dict)
-    return same and bool(found == wanted)
+    """Whether two values are one, to the types in them; most are, and cost little."""
+    if found is wanted:
+        return True
+    if type(found) is not type(wanted) or found != wanted:
+        return False
+    # Equal containers have the same keys and lengths; True in them may still be a 1.
+    if isinstance(found, dict):
+        return all(map(_identical, found.values(), map(wanted.get, found)))
+    return not isinstance(found, list) or all(map(_identical, found, wanted))
 
 
 def _agree(found: Any, wanted: Any, rounding: float, least: float) -> bool:  # noqa: ANN401

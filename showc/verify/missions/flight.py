@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from showc.verify.specification.demands import Move
 
 _UNREADABLE = LookupError, TypeError, ValueError, AttributeError, OverflowError
+_TOGETHER = 256  # drones that are looked at together: few enough for the memory
 _WORD = re.compile(r"[\w:.,+ -]{1,80}", re.ASCII)  # an encoding or a time
 
 
@@ -74,88 +75,101 @@ def visits(
     Returns which leg each move of each drone ends, (drones, moves); -1 where that was
     not found, and for the moves of others.
     """
-    found = np.full((fleet.drones, len(logged)), -1)
-    stops = np.full((fleet.drones, 1 + len(logged), 3), np.nan)
+    # A drone's own stops first, in order; for all others stands the last one, nowhere.
+    stops = np.full((fleet.drones, 2 + len(logged), 3), np.nan)
     stops[:, 0] = show.segments[0].ends()[0][:, :3]
     for number, move in enumerate(logged, 1):
         stops[move.drones, number] = move.goals
-    begun = _begun(fleet, stops)
+    turns = np.argsort(np.isnan(stops[:, :, 0]), axis=1, kind="stable")
+    goals = np.take_along_axis(stops, turns[:, :, None], axis=1)
+    turns[np.isnan(goals[:, :, 0])] = len(logged) + 1
+    visited, off = _visits(fleet, goals, _begun(fleet, goals, turns)[turns])
+    lost = np.isfinite(goals[:, :, 0]) & (visited < 0)
+    extra = np.diff(visited, axis=1) - KNOWN["most_legs"] * np.diff(turns, axis=1)
+    extra[:, 0] += 1  # a launch is a take-off and a climb
+    extra[visited[:, 1:] < 0] = 0
     # A landing flies level to above its pad first, where it begins beside it.
-    worst, where, wrong, aside = 0.0, 0, "", 2.0 * KNOWN["place"][0]
-    for drone, (first, end) in enumerate(pairwise(fleet.first.tolist())):
-        own, visited, off = _visits(fleet, stops, drone, begun)
-        found[drone, own[1 : len(visited)] - 1] = np.array(visited[1:]) + first - 1
-        extra = np.diff(visited) - KNOWN["most_legs"] * np.diff(own[: len(visited)])
-        extra[:1] += 1  # a launch is a take-off and a climb
-        if visited[:1] != [0]:
-            wrong = "no item flies to the pad in its turn"
-        elif len(visited) < own.size:
-            name = logged[own[len(visited)] - 1].name
-            wrong = f"no item flies to the end of “{name}” in its turn"
-        elif visited[-1] != end - first:
-            wrong = "flies on after its landing in the log"
-        elif np.any(np.abs(fleet.end - fleet.begin)[end - 1, :2] > aside):
-            wrong = "begins its landing beside its pad"
-        elif extra.max() > 0:
-            name = logged[own[1 + int(extra.argmax())] - 1].name
-            wrong = f"flies {extra.max()} legs more for “{name}” than any such move has"
-        if wrong or off > worst:
-            worst, where = off, drone
-        if wrong:
-            break
-    count = np.count_nonzero(found >= 0)
-    note = wrong or f"{count:,} places, to 1e-7 degrees and 1.2 cm of height"
-    facts = "VRF404", not wrong, worst, 1.0, "of the resolution"
-    return found, checked(*facts, where=Place(where + 1), notes=(note,))
+    aside = np.abs(fleet.end - fleet.begin)[fleet.first[1:] - 1, :2].max(axis=1)
+    faults = [visited[:, 0] != 0, lost.any(1), visited.max(1) != np.diff(fleet.first)]
+    faults += [aside > 2.0 * KNOWN["place"][0], extra.max(axis=1) > 0]
+    wrong = np.any(faults, axis=0)
+    worst = int(np.argmax(wrong if wrong.any() else off))
+    first = turns[worst, [lost[worst].argmax(), 1 + extra[worst].argmax()]] - 1
+    one, other = (logged[min(way, len(logged) - 1)].name for way in first)
+    found = np.full(turns.shape, -1)
+    legs = np.where(visited < 0, -1, visited + fleet.first[:-1, None] - 1)
+    np.put_along_axis(found, turns, legs, axis=1)
+    found[worst + 1 if wrong.any() else fleet.drones :] = -1
+    count = np.count_nonzero(found[:, 1:-1] >= 0)
+    notes = (
+        "no item flies to the pad in its turn",
+        f"no item flies to the end of “{one}” in its turn",
+        "flies on after its landing in the log",
+        "begins its landing beside its pad",
+        f"flies {extra[worst].max()} legs more for “{other}” than any such move has",
+        f"{count:,} places, to 1e-7 degrees and 1.2 cm of height",
+    )
+    note = notes[int(np.argmax([*(fault[worst] for fault in faults), True]))]
+    facts = "VRF404", not wrong.any(), float(off[worst]), 1.0, "of the resolution"
+    return found[:, 1:-1], checked(*facts, where=Place(worst + 1), notes=(note,))
 
 
-def _begun(fleet: FleetLegs, stops: FloatArray) -> FloatArray:
-    """When the first drones leave for each of the ``stops`` [s], or for the next one.
+def _begun(fleet: FleetLegs, goals: FloatArray, turns: IntArray) -> FloatArray:
+    """When the first drones leave for each of the stops [s], or for the next one.
 
-    By drones that stop elsewhere: of others :func:`_visits` has to be given it.
+    By drones that stop elsewhere: of others :func:`_visits` has to be given it. The
+    stops ``turns`` (drones, stops) of each drone are its ``goals`` (drones, stops, 3).
     """
-    begun, none = np.full(stops.shape[1], np.inf), np.full(stops.shape[1], -np.inf)
-    ways = [np.diff(own[np.isfinite(own[:, 0])], axis=0) for own in stops]
-    away = [np.abs(way).max(axis=1) > 2.0 * CONSTANTS["rounding"] for way in ways]
-    for drone, moved in enumerate(away) if not np.concatenate(away).all() else ():
-        own, visited, _ = _visits(fleet, stops, drone, none)
-        some = np.flatnonzero(moved[: max(len(visited) - 1, 0)])
-        left = fleet.release[fleet.first[drone] + np.array(visited, dtype=int)[some]]
-        np.fmin.at(begun, own[1:][some], left)
-    return np.minimum.accumulate(begun[::-1])[::-1]
+    begun, none = np.full(turns.shape[1], np.inf), np.full(turns.shape, -np.inf)
+    moved = np.abs(np.diff(goals, axis=1)).max(axis=2) > 2.0 * CONSTANTS["rounding"]
+    if np.any(np.isfinite(goals[:, 1:, 0]) & ~moved):
+        visited, _ = _visits(fleet, goals, none)
+        drone, turn = np.nonzero(moved & (visited[:, 1:] >= 0))
+        leg = fleet.first[drone] + visited[drone, turn]
+        leaves = np.append(fleet.release, np.nan)[leg]
+        np.fmin.at(begun, turns[drone, turn + 1], leaves)
+    return np.append(np.minimum.accumulate(begun[-2::-1])[::-1], -np.inf)
 
 
 def _visits(
-    fleet: FleetLegs, stops: FloatArray, drone: int, begun: FloatArray
-) -> tuple[IntArray, list[int], float]:
-    """Which ``stops`` a drone has, and which of its places they are, one at least.
+    fleet: FleetLegs, goals: FloatArray, begun: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Which of its places are each drone's ``goals`` (drones, stops, 3), one at least.
 
-    Up to one that is not found; also returns how far off the worst is, over what the
-    format stores. A drone that makes way, and is back before it flies to another stop,
-    or left before others have ``begun`` for the next, stops when it is back.
+    Up to one that is not found, -1; also returns how far off the worst is, over what
+    the format stores, (drones,). A drone that makes way, and is back before it flies to
+    another stop, or left before others have ``begun`` for it, stops when it is back.
     """
-    own = np.flatnonzero(np.isfinite(stops[drone, :, 0]))
-    first, end = fleet.first[drone : drone + 2]
-    places = np.concatenate([fleet.begin[[first]], fleet.end[first:end]])
-    left = np.append(np.nan, fleet.release[first:end])
-    found, worst, following = [0], 0.0, np.append(begun[own[1:]], -np.inf)
-    every = np.abs(places - stops[drone, own, None]) / KNOWN["place"]
-    ratios = every.max(axis=2)
-    others = [*ratios[1:], ratios[-1]]
-    for off, ratio, other, late in zip(every, ratios, others, following, strict=True):
-        fits = np.flatnonzero(ratio[found[-1] :] <= 1.0) + found[-1]
-        if not fits.size:
-            return own, found[1:], float(ratio[found[-1] :].min(initial=np.inf))
-        first = int(fits[0])
-        until = first + int(np.argmax(other[first:] <= 1.0))
-        back = fits[np.diff(fits, prepend=first - 2) > 1]
-        back = back[(back < until) if until > first else (left[back] < late)]
-        first = int(back[-1]) if back.size else first
-        # Legs may be shorter than the resolution: of two that fit, the nearer is meant.
-        first += first + 1 in fits and off[first + 1].sum() < off[first].sum()
-        found.append(first)
-        worst = max(worst, float(ratio[first]))
-    return own, found[1:], worst
+    found, worst = np.full(begun.shape, -1), np.zeros(fleet.drones)
+    for begin in range(0, fleet.drones, _TOGETHER):
+        drones = slice(begin, begin + _TOGETHER)
+        first, end = fleet.first[:-1][drones, None], fleet.first[1:][drones, None]
+        rank = np.arange(int((end - first).max()) + 1)
+        leg = np.minimum(first + rank, end) - 1
+        places, left = fleet.end[leg], fleet.release[leg]
+        places[:, 0], left[:, 0] = fleet.begin[first[:, 0]], np.nan
+        places[rank > end - first] = np.inf
+        stops = goals[drones, :, None].swapaxes(0, 1)
+        every = (np.abs(places - stop) / KNOWN["place"] for stop in stops)
+        here, going = np.zeros((len(leg), 1), dtype=np.int64), np.full(len(leg), True)
+        for number, (off, following) in enumerate(pairwise(every)):
+            ratio, total = np.where(rank >= here, off.max(2), np.inf), off.sum(axis=2)
+            fits = ratio <= 1.0
+            here = np.where(fits.any(1), fits.argmax(1), ratio.argmin(1))[:, None]
+            until = ((following.max(axis=2) <= 1.0) & (rank >= here)).argmax(axis=1)
+            back = fits & ~np.pad(fits, ((0, 0), (1, 0)))[:, :-1]
+            late = left < begun[drones, number + 1, None]
+            back &= np.where(until[:, None] > here, rank < until[:, None], late)
+            here = np.maximum(here, (back * rank).max(axis=1, keepdims=True))
+            # Legs may be shorter than the resolution: of two that fit, the nearer.
+            nearer = fits[:, 1:] & (total[:, 1:] < total[:, :-1])
+            here += np.take_along_axis(np.pad(nearer, ((0, 0), (0, 1))), here, axis=1)
+            ratio = np.take_along_axis(ratio, here, axis=1)[:, 0]
+            going &= np.isfinite(goals[drones, number, 0])
+            worst[drones][going] = np.maximum(worst[drones], ratio)[going]
+            going &= ratio <= 1.0
+            found[drones, number][going] = here[going, 0]
+    return found, worst
 
 
 def _check_slots(

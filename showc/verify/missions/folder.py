@@ -8,7 +8,9 @@ language; whatever else lies there is a finding.
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
+from functools import lru_cache
 from itertools import groupby
 from math import degrees
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,10 +22,12 @@ from showc.files import UnreadableFileError, read_file
 from showc.log import showc_pb2 as pb
 from showc.log.facts import fleet_token, sha256
 from showc.log.schema import MANIFEST_NAME as MANIFEST
+from showc.log.showc_pb2 import Site
 from showc.script.rules.missions import item_budget
 from showc.verify.decode import CAPS
 from showc.verify.missions import language
 from showc.verify.missions.flight import boundaries, check_flight, visits
+from showc.verify.missions.language import read_mission
 from showc.verify.missions.law import KNOWN, fastest_level, parameter_file
 from showc.verify.missions.legs import Clock, fleet_legs, standing, to_show_frame
 from showc.verify.missions.separation import Tubes
@@ -34,7 +38,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from showc.log.container import LogFile
-    from showc.log.showc_pb2 import Site
     from showc.script.show import Show
     from showc.verify.kernel.show import LoggedShow
     from showc.verify.missions.legs import FleetLegs
@@ -118,20 +121,18 @@ class Missions:
         checks = [self._same_manifest(), agreement("VRF401", self.bad)]
         if self.none:
             return [*checks, skipped]
-        both = object_in(self.described, "files"), self.names()
-        listed, asked = (dict.fromkeys(names) for names in both)
-        odd = unlike(listed, asked, "missions.files")
+        listed, asked = object_in(self.described, "files"), self.names()
+        odd = unlike(dict.fromkeys(listed), dict.fromkeys(asked), "missions.files")
         return [*checks, agreement("VRF403", odd), *self._lines(), self._autopilot()]
 
     def _same_manifest(self) -> Check:
-        wrong = []
+        wrong = f"{MANIFEST} differs: files of two compiles are mixed"
         try:
             found = read_file(self.folder / MANIFEST, CAPS["document"])
-            if found != self.log.attachment(MANIFEST):
-                wrong.append(f"{MANIFEST} differs: files of two compiles are mixed")
+            same = found == self.log.attachment(MANIFEST)
         except UnreadableFileError as error:
-            wrong.append(f"{MANIFEST}: cannot be read: {error.reason}")
-        return agreement("VRF402", wrong)
+            same, wrong = False, f"{MANIFEST}: cannot be read: {error.reason}"
+        return agreement("VRF402", [wrong] * (not same))
 
     def _read(self) -> None:
         """Read all files; list no folders but those in which some must be."""
@@ -152,8 +153,7 @@ class Missions:
             except UnreadableFileError as error:
                 self.bad.append(f"{name}: cannot be read: {error.reason}")
                 content = b""
-            total += len(content)
-            if total > CAPS["folder"]:
+            if (total := total + len(content)) > CAPS["folder"]:
                 self.bad.append(f"{name}: the files up to here are too large in sum")
                 break
             self.contents[name] = content
@@ -162,8 +162,7 @@ class Missions:
             if name.endswith(".waypoints"):
                 most = item_budget(self.spoken, self.script.mission.board)
                 try:
-                    read = language.read_mission(content, self.spoken, most)
-                    self.missions[name] = read
+                    self.missions[name] = read_mission(content, self.spoken, most)
                 except language.MissionFormatError as error:
                     self.unread.append(f"{name}: {error}")
 
@@ -194,8 +193,7 @@ class Missions:
         """Check every row of the missions, and every key of the plans."""
         script, site = self.script, self.show.rules.site
         rows, plans = list(self.unread), list[str]()
-        token = fleet_token(self.contents)
-        if token != self.manifest.get("fleet"):
+        if (token := fleet_token(self.contents)) != self.manifest.get("fleet"):
             rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
         for name, mission in self.missions.items():
             turned = _wrong_rows(mission, self.show, self.spoken)
@@ -211,14 +209,13 @@ class Missions:
     def _wrong_lights(self) -> Iterator[str]:
         """Say which missions show other colours than the moves end in."""
         options, moves = self.script.mission, self.asked.moves
-        dark, full = options.light_pwm
-        servos = options.light_servos or ()
-        ends = np.full((self.show.drones, len(moves)), -1)
-        if self.fleet is not None:
-            ends = visits(self.fleet, self.show, moves)[0]
-            ends = np.where(ends < 0, -1, ends + 1 - self.fleet.first[:-1, None])
+        (dark, full), servos = options.light_pwm, options.light_servos or ()
         lit = [[Lit([dark] * len(servos), 0)] for _ in range(self.show.drones)]
         spans = () if self.asked.lights is None else self.asked.lights.spans
+        ends = np.full((self.show.drones, len(moves)), -1)
+        if self.fleet is not None and servos and spans:  # else all stay dark
+            ends = visits(self.fleet, self.show, moves)[0]
+            ends = np.where(ends < 0, -1, ends + 1 - self.fleet.first[:-1, None])
         begun: defaultdict[float, Any] = defaultdict(lambda: np.zeros((len(lit), 3)))
         for one in spans:
             begun[round(one.start, 6)][one.drones] = one.end
@@ -302,7 +299,8 @@ def check_plan(
         return
     pad, same = mission.home or mission.items[0], language.RULES["plan"]
     home = [pad.latitude / 1e7, pad.longitude / 1e7, pad.height]
-    polygon = fence if _is_fence(fence, site) else "the fence of the script"
+    own = _is_fence(json.dumps(fence), site.SerializeToString())
+    polygon = fence if own else "the fence of the script"
     wanted = same | {"groundStation": whose[0], "fleetToken": whose[1]}
     wanted["mission"] = same["mission"] | {
         "firmwareType": PX4 if whose[2] == "px4" else ARDUPILOT,
@@ -321,19 +319,21 @@ def _entry(number: int, item: language.Item) -> dict[str, Any]:
     """Return QGroundControl's form of an item."""
     height = round(item.height, 3)
     place = item.latitude / 1e7, item.longitude / 1e7, height
-    entry: dict[str, Any] = {"doJumpId": number, "command": item.command}
-    entry |= {"frame": item.frame, "params": [*item.parameters, *place]}
+    numbers = {"doJumpId": number, "command": item.command, "frame": item.frame}
+    entry: dict[str, Any] = numbers | {"params": [*item.parameters, *place]}
     entry |= language.RULES["entry"]
     if item.frame != language.MISSION:
         entry |= {"AMSLAltAboveTerrain": None, "Altitude": height, "AltitudeMode": 1}
     return entry
 
 
-def _is_fence(found: Any, site: Site) -> bool:  # noqa: ANN401 - any JSON
+@lru_cache(maxsize=8)  # all plans of a show have the same
+def _is_fence(json_text: str, encoded_site: bytes) -> bool:
     """Whether corners [deg] are those of the site's fence, clockwise from above.
 
     The volume's walls stand for it where the site has none.
     """
+    found, site = json.loads(json_text), Site.FromString(encoded_site)
     low, high = site.volume_min, site.volume_max
     walls = [(low.x, low.y), (low.x, high.y), (high.x, high.y), (high.x, low.y)]
     wanted = np.array(list(site.fence) or walls).reshape(-1, 2)
@@ -372,8 +372,7 @@ def unlit(
         yield str(error)
         return
     wanted = [asked[n].pulses for n in (new if servos else new[:1])]
-    if [one.pulses for one in shown] != wanted:
-        found = [one.pulses for one in shown]
+    if (found := [one.pulses for one in shown]) != wanted:
         yield f"shows {found}, the moves end in {wanted} us"
     for one, at in zip(shown[1:], new[1:], strict=False):
         before, last = asked[at - 1].step, asked[at].step
@@ -395,8 +394,7 @@ def _shown(
     if it sets an output that is not one of them, or twice at once, or to no avail; or
     not all of them before it flies.
     """
-    found, steps, step = [dark], [0], 0
-    now: dict[int, int] = {}
+    found, steps, step, now = [dark], [0], 0, dict[int, int]()
     for word, some in groupby(mission.items, key=lambda item: item.word):
         items = list(some)
         if word != "V":

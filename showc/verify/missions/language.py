@@ -73,21 +73,14 @@ def read_mission(
     """Return the mission that the bytes of a ``.waypoints`` file hold.
 
     The grammar is that of ``autopilot``, ``ardupilot`` or ``px4``. It has ``most``
-    items at most, home among them.
-
-    Raises
-    ------
-    MissionFormatError
-        If a row is no word of the language, or the rows are no sentence of it; names
-        the line.
+    items at most, home among them. MissionFormatError, naming the line, if a row is no
+    word of the language; or if the rows are no sentence of it.
     """
     if autopilot not in _GRAMMARS:
         raise MissionFormatError(f"is for an unknown autopilot {autopilot!r}")
-    try:
-        text = content.decode("ascii")
-    except UnicodeDecodeError:
-        raise MissionFormatError("is not ASCII text") from None
-    lines = text.split("\n")
+    if not content.isascii():
+        raise MissionFormatError("is not ASCII text")
+    lines = content.decode("ascii").split("\n")
     if lines[0] != RULES["header"]:
         raise MissionFormatError(f"does not begin with {RULES['header']!r}")
     if not 3 <= len(lines) <= most + 2 or lines[-1]:
@@ -137,6 +130,7 @@ def _item(text: str, first: bool) -> Item:  # noqa: FBT001 - which of two rows
     return item
 
 
+@lru_cache(maxsize=1 << 12)
 def _word(
     frame: int, command: int, parameters: tuple[float, float, float, float]
 ) -> str:
@@ -151,6 +145,6 @@ def _word(
             for value, (low, high) in zip(parameters, row["parameters"], strict=True)
         ):
             return str(word)
-    numbers = ", ".join(f"{value:g}" for value in parameters)
-    text = f"{name} in frame {frame} with parameters {numbers}"
+    text = f"{name} in frame {frame} with parameters "
+    text += ", ".join(f"{value:g}" for value in parameters)
     raise MissionFormatError(f"{text} is nothing that showc writes")

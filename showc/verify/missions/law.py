@@ -9,6 +9,7 @@ integration. Nothing here is taken from the code that wrote the missions.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import floor, tan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -33,6 +34,7 @@ CONSTANTS: dict[str, float] = KNOWN["constants"]
 
 _HALVINGS = 80  # of a speed: beyond float64
 _SHORTEST = 1e-6  # leg [m]
+_PHASES = 15  # of a leg
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ class Covered(NamedTuple):
     """Greatest rate or velocity meanwhile [1/s, m/s]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Profiles:
     """Distance over time of n legs."""
 
@@ -75,11 +77,13 @@ class Profiles:
     """Shape (n,) [m]."""
     speed: FloatArray
     """Cruise speed, shape (n,) [m/s]."""
+    duration: FloatArray
+    """Time of each leg, shape (n,) [s]."""
     edges: FloatArray
-    """When the phases begin, and the last one ends, shape (16, n) [s]."""
+    """When one phase follows another, shape (n, 14) [s]."""
     phases: FloatArray
-    """Distance, speed, acceleration at the begin of each phase, c0 and c1 [m/s³], and
-    pi / tau [1/s], shape (6, 15, n)."""
+    """When each phase begins [s]; distance, speed, acceleration there, c0 and c1
+    [m/s³], and pi / tau [1/s], shape (15 n, 7): side by side what is used together."""
     level: FloatArray
     """Horizontal part of the direction, shape (n,): how late a drone follows."""
     overshoot: FloatArray
@@ -91,10 +95,10 @@ class Profiles:
     late: FloatArray
     """How much later than predicted it may arrive, shape (n,) [s]."""
 
-    @property
-    def duration(self) -> FloatArray:
-        """Time of each leg, shape (n,) [s]."""
-        return np.asarray(self.edges[-1])
+    @cached_property
+    def fastest(self) -> FloatArray:
+        """Rate in the middle of each leg, (n,) [1/s]: it rises, stays and falls."""
+        return self.share(np.arange(self.length.size), 0.5 * self.duration)[1]
 
     def law_time(self, leg: IntArray, since: ArrayLike) -> FloatArray:
         """Time of the law at which drones on legs ``leg`` (m,) are now, shape (m,) [s].
@@ -115,11 +119,9 @@ class Profiles:
         early = self.law_time(leg, high) + self.spread[leg]
         (rear, before), (front, after) = (self.share(leg, t) for t in (late, early))
         slow, fast = np.minimum(before, after), np.maximum(before, after)
-        # The speed rises, stays and falls: it is greatest nearest to the leg's middle.
         middle = 0.5 * self.duration[leg]
-        rows = np.flatnonzero((late < middle) & (middle < early))
-        fast[rows] = self.share(leg[rows], middle[rows])[1]
-        return Covered(rear, front, slow, fast)
+        amid = (late < middle) & (middle < early)
+        return Covered(rear, front, slow, np.where(amid, self.fastest[leg], fast))
 
     def followed(self, late: float | FloatArray) -> FloatArray:
         """Time (n,) [s] since its release at which each leg has surely been flown.
@@ -128,8 +130,7 @@ class Profiles:
         grows by at most 0.35 s/s: each round is nearer by that factor, or more.
         """
         rows = np.arange(self.length.size)
-        wanted = self.duration + late
-        since = wanted
+        since = wanted = self.duration + late
         for _ in range(30):
             since = since + wanted - self.law_time(rows, since)
         return since
@@ -140,9 +141,9 @@ class Profiles:
         # Many drones rest, before their legs or after them.
         flies = np.flatnonzero((time > 0.0) & (time < self.duration[leg]))
         own, t = leg[flies], time[flies]
-        phase = sum((t >= edge[own] for edge in self.edges[1:-1]), 0 * own)
-        moved = _advanced(self.phases[:, phase, own], t - self.edges[phase, own])
-        flown, speed, _ = np.divide(moved, self.length[own])
+        phase = np.sum(t[:, None] >= self.edges.take(own, axis=0), axis=1)
+        begin, *state = self.phases.take(_PHASES * own + phase, axis=0).T
+        flown, speed, _ = np.divide(_advanced(state, t - begin), self.length[own])
         way[flies], rate[flies] = np.clip(flown, 0.0, 1.0), np.maximum(speed, 0.0)
         return way, rate
 
@@ -167,8 +168,7 @@ def profiles(
     with np.errstate(divide="ignore", over="ignore"):
         speed = np.minimum(level / flat, vertical / steep)
         push = np.minimum(law.acceleration / flat, law.vertical_acceleration / steep)
-    speed = np.where(length > 0.0, speed, 1.0)
-    push = np.where(length > 0.0, push, 1.0)
+    speed, push = (np.where(length > 0.0, some, 1.0) for some in (speed, push))
     low, high = np.zeros_like(speed), speed.copy()
     fits = speed * _ramp_time(_ramp(speed, push, law)) <= length
     for _ in range(_HALVINGS):
@@ -176,13 +176,13 @@ def profiles(
         inside = middle * _ramp_time(_ramp(middle, push, law)) <= length
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     speed = np.where(fits, speed, low)
-    edges, phases = _assembled(length, speed, _ramp(speed, push, law))
+    times = _assembled(length, speed, _ramp(speed, push, law))
     cruise = np.where(length > 0.0, speed, 0.0)
     # Fitted to measured flights, as the delay is: 90 and 45 ms of cruise.
     beyond = 0.045 * (1.0 + flat**2) * cruise
     excess = 1.0 + beyond / np.where(length > 0.0, length, np.inf)
     spread, late = _tubes(cruise, wind)
-    return Profiles(length, speed, edges, phases, flat, beyond, excess, spread, late)
+    return Profiles(length, speed, *times, flat, beyond, excess, spread, late)
 
 
 def _tubes(speed: FloatArray, wind: float) -> tuple[FloatArray, FloatArray]:
@@ -191,11 +191,9 @@ def _tubes(speed: FloatArray, wind: float) -> tuple[FloatArray, FloatArray]:
     if not known:
         text = f"how missions are flown in a wind of {wind:g} m/s was not measured"
         raise MissionFormatError(text)
-    bands, (slow, fast) = known[0]["off"], known[0]["late"]
-    tops = np.array([top for top, _ in bands])
-    widths = np.array([width / top for top, width in bands])
+    (tops, widths), (slow, fast) = np.array(known[0]["off"]).T, known[0]["late"]
     band = np.minimum(np.searchsorted(tops, speed), tops.size - 1)
-    spread = np.maximum(widths[band], CONSTANTS["spread"])
+    spread = np.maximum((widths / tops)[band], CONSTANTS["spread"])
     return spread, np.maximum(np.where(speed <= CONSTANTS["brisk"], slow, fast), spread)
 
 
@@ -203,10 +201,8 @@ def _ramp(speed: FloatArray, push: FloatArray, law: Law) -> FloatArray:
     """Jerk, its rise time, time held, time without jerk: shape (4, n)."""
     rise = np.pi * law.jerk / (2.0 * law.snap)
     gentle = np.minimum(push, speed / (2.0 * rise)) < law.jerk * rise
-    short = np.minimum(
-        np.minimum(rise, np.cbrt(np.pi * speed / (4.0 * law.snap))),
-        np.sqrt(np.pi * push / (2.0 * law.snap)),
-    )
+    short = np.minimum(rise, np.cbrt(np.pi * speed / (4.0 * law.snap)))
+    short = np.minimum(short, np.sqrt(np.pi * push / (2.0 * law.snap)))
     held = np.sqrt(rise**2 + 4.0 * speed / law.jerk) - rise
     top = np.minimum(push, 0.5 * law.jerk * held)
     jerk = np.where(gentle, 2.0 * law.snap * short / np.pi, law.jerk)
@@ -223,34 +219,30 @@ def _ramp_time(ramp: FloatArray) -> FloatArray:
 
 def _assembled(
     length: FloatArray, speed: FloatArray, ramp: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Put the phases of whole legs together: when they begin, and what they are."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Put the phases together: durations of whole legs, edges and phases of them."""
     jerk, rise, hold, push = ramp
-    moving = length > 0.0
     rest = length / np.where(speed > 0.0, speed, 1.0) - _ramp_time(ramp)
-    cruise = np.maximum(rest, 0.0)
-    none = np.zeros_like(rise)
+    cruise, none = np.maximum(rest, 0.0), np.zeros_like(rise)
     up = [(rise, 0.5, -0.5), (hold, 1.0, 0.0), (rise, 0.5, 0.5)]
     down = [(time, -c0, -c1) for time, c0, c1 in up]
-    phases = [
-        *up, (push, 0.0, 0.0), *down,
-        (cruise, 0.0, 0.0),
-        *down, (push, 0.0, 0.0), *up,
-    ]  # fmt: skip
-    spans = np.stack([np.where(moving, time, none) for time, _, _ in phases])
+    held = [(push, 0.0, 0.0)]
+    phases = [*up, *held, *down, (cruise, 0.0, 0.0), *down, *held, *up]
+    spans = np.stack([np.where(length > 0.0, time, none) for time, _, _ in phases])
     edges = np.zeros((len(phases) + 1, length.size))
     np.cumsum(spans, axis=0, out=edges[1:])
-    found = np.empty((6, len(phases), length.size))
+    found = np.empty((length.size, len(phases), 7))
     state: Sequence[FloatArray] = (none, none, none)
     for number, (tau, (_, c0, c1)) in enumerate(zip(spans, phases, strict=True)):
         turn = np.pi / np.where(tau > 0.0, tau, 1.0)
-        phase = found[:, number] = np.stack([*state, c0 * jerk, c1 * jerk, turn])
+        phase = [*state, c0 * jerk, c1 * jerk, turn]
+        found[:, number] = np.stack([edges[number], *phase], axis=1)
         state = _advanced(phase, tau)
-    return edges, found
+    return edges[-1], np.ascontiguousarray(edges[1:-1].T), found.reshape(-1, 7)
 
 
-def _advanced(phase: FloatArray, since: FloatArray) -> Sequence[FloatArray]:
-    """Distance, speed, acceleration (n,) after ``since`` (n,) of ``phase`` (6, n)."""
+def _advanced(phase: Sequence[FloatArray], since: FloatArray) -> Sequence[FloatArray]:
+    """Distance, speed, acceleration (n,) after ``since`` (n,) of phases: six facts."""
     distance, speed, push, c0, c1, turn = phase
     angle = turn * since
     # Integrals of the cosine.

@@ -142,10 +142,7 @@ class Clock:
     def of(cls, described: Mapping[str, Any]) -> Clock:
         """Return what slots count from, by what the manifest says of the missions.
 
-        Raises
-        ------
-        MissionFormatError
-            If it names neither a start of whole seconds nor a minute.
+        MissionFormatError if it names neither a start of whole seconds nor a minute.
         """
         start, said = described.get("start"), described.get("prediction")
         minute = said.get("start_minute") if isinstance(said, dict) else None
@@ -160,10 +157,7 @@ class Clock:
     def time(self, slot: Item) -> float:
         """Mission time of a slot [s]: the first after the missions begin.
 
-        Raises
-        ------
-        MissionFormatError
-            If it names an hour and the hour is open, or the other way round.
+        MissionFormatError if it names an hour and that is open, or the other way round.
         """
         _, hour, minute, second = slot.parameters
         if (hour < 0.0) != (self.period == HOUR):
@@ -185,17 +179,11 @@ def fleet_legs(
 ) -> FleetLegs:
     """Return what a fleet of ArduPilot's flies, under the script's parameters.
 
-    Without a ``clock`` no leg is released at a time.
-
-    Raises
-    ------
-    MissionFormatError
-        If slots do not follow each other, naming the drone; or if legs are faster than
-        any that were measured.
+    Without a ``clock`` no leg is released at a time. MissionFormatError if slots do not
+    follow each other, naming the drone; or if legs are faster than any measured.
     """
     values = law.parameters(script)
-    rows: list[_Row] = []
-    homes = [0]
+    rows, homes = list[_Row](), [0]
     for drone, mission in enumerate(missions):
         try:
             rows += _rows(mission, values, clock)

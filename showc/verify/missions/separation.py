@@ -18,13 +18,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from showc.verify.kernel.bernstein import least
 from showc.verify.kernel.separation import Encounter
-from showc.verify.kernel.slices import Measure, Slice, edges, measures, neighbours
+from showc.verify.kernel.slices import Measure, edges, measures, near_pairs, neighbours
 from showc.verify.missions.law import CONSTANTS, KNOWN, Covered
 from showc.verify.missions.legs import UNTIMED, FleetLegs
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 RESOLUTION = 2e-3  # how far the proved distance may lie below the true one [m]
 
 _TOGETHER = 20_000  # pairs that are looked at together: few enough for the memory
+_AT_ONCE = 8192  # places that are looked at together: few enough for a fast memory
 _FURTHEST = 4.0
 """How far drones fly in a slice, in separations: more slices take longer to cut, fewer
 leave more pairs to be halved."""
@@ -65,10 +66,13 @@ class Stretch:
 
     def parts(self, drone: IntArray, low: FloatArray, high: FloatArray) -> Covered:
         """Places and velocities (m, axes) of drones (m,) from low to high (m,) [s]."""
-        leg, flights = self.leg[drone], self.fleet.profiles
-        release = self.release[drone]
+        leg, flights, release = (
+            self.leg[drone],
+            self.fleet.profiles,
+            self.release[drone],
+        )
         excess = np.where(self._moving(drone, low), flights.excess[leg], 1.0)
-        begin, along = self.begin[drone], self.along[drone]
+        begin, along = (some.take(drone, axis=0) for some in (self.begin, self.along))
         covered = flights.between(leg, low - release, high - release)
         rear, front, slow, fast = (part[:, None] * along for part in covered)
         front, fast = excess[:, None] * front, excess[:, None] * fast
@@ -104,9 +108,8 @@ class Stretch:
 
     def _candidates(self, low: float, high: float, best: Encounter) -> IntArray:
         """Pairs (n, 2) of which a drone moves that may come nearer than the best."""
-        everyone = np.arange(self.leg.size)
-        times = np.full(everyone.size, low), np.full(everyone.size, high)
-        rear, front, *_ = self.parts(everyone, *times)
+        times = (np.full(self.leg.size, time) for time in (low, high))
+        rear, front, *_ = self.parts(np.arange(self.leg.size), *times)
         moving = self.measure(front - rear) > 0.0
         if not moving.any():
             return np.empty((0, 2), dtype=np.int64)
@@ -217,6 +220,7 @@ def nearest_untimed(
 def nearest_landing(fleet: FleetLegs, wanted: Separation) -> Encounter:
     """Return how near landings come to what other drones then have still to fly."""
     flights, lag, best = fleet.profiles, CONSTANTS["clock_lag"], Encounter()
+    lines = [(m, m.space(fleet.begin), m.space(fleet.end)) for m in measures(wanted)]
     over, leaves = fleet.release + flights.followed(flights.spread) + lag, fleet.leaves
     land, last = fleet.first[1:] - 1, over[fleet.timed].max(initial=-np.inf)
     for drone, own in enumerate(land.tolist()) if leaves[land].min() < last else ():
@@ -224,8 +228,7 @@ def nearest_landing(fleet: FleetLegs, wanted: Separation) -> Encounter:
         since, excess = leaves[own] - fleet.release[legs] - lag, flights.excess[legs]
         late = flights.law_time(legs, since) - flights.spread[legs]
         flown, _ = flights.share(legs, late)
-        for measure in measures(wanted):
-            start, stop = (measure.space(some) for some in (fleet.begin, fleet.end))
+        for measure, start, stop in lines:
             way = stop[legs] - start[legs]
             rest, ahead = (start[legs] + k[:, None] * way for k in (flown, excess))
             foot, pad = (np.broadcast_to(one[own], way.shape) for one in (start, stop))
@@ -242,12 +245,15 @@ def _near(
 
     Parts are given by their ends (drones, axes); a drone may be anywhere on its own.
     """
-    length = measure(end - begin)
-    pairs = Slice(begin, end, 0.5 * length, length).near(measure, least_)
+    middle, radius = 0.5 * (begin + end), 0.5 * measure(end - begin)
+    pairs = near_pairs(middle, least_ + 2.0 * float(radius.max()))
     assert pairs is not None  # noqa: S101 - as many as there are
-    one, other = ((begin[drone], end[drone]) for drone in pairs.T)
+    first, second = pairs.T
+    gap = measure(middle.take(first, axis=0) - middle.take(second, axis=0))
+    pairs = pairs.compress(gap - radius[first] - radius[second] < least_, axis=0)
+    one, other = ((begin.take(k, axis=0), end.take(k, axis=0)) for k in pairs.T)
     gap = part_distance(one, other, measure)
-    return pairs[gap < least_], gap[gap < least_]
+    return pairs.compress(gap < least_, axis=0), gap[gap < least_]
 
 
 def part_distance(
@@ -266,22 +272,25 @@ def part_distance(
         back = np.minimum(a, b) - np.maximum(c, d)
         ahead = np.minimum(c, d) - np.maximum(a, b)
         return measure(np.maximum(np.maximum(back, ahead), 0.0))
-    u, v, w = b - a, d - c, a - c
-    ways = (w, -v), (b - c, -v), (w, u), (a - d, u)
-    best = np.min([measure.of_chords(one, one + way) for one, way in ways], axis=0)
-    uu, uv, vv = _dot(u, u), _dot(u, v), _dot(v, v)
-    uw, vw = _dot(u, w), _dot(v, w)
+    # Axes first: each step then runs along memory.
+    u, v, w = (np.ascontiguousarray(way.T) for way in (b - a, d - c, a - c))
+    uu, uv, vv, uw, vw = _dot(u, u), _dot(u, v), _dot(v, v), _dot(u, w), _dot(v, w)
     area = uu * vv - uv * uv
     regular = area > 1e-12 * uu * vv
     safe = np.where(regular, area, 1.0)
     s, t = (uv * vw - vv * uw) / safe, (uu * vw - uv * uw) / safe
     inside = regular & (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
-    gap = measure(w + s[:, None] * u - t[:, None] * v)
-    return np.asarray(np.where(inside, np.minimum(best, gap), best))
+    shares: list[Any] = [(np.where(inside, s, 0.0), np.where(inside, t, 0.0))]
+    for end in (0.0, 1.0):
+        s = np.clip((end * uv - uw) / np.where(uu > 0.0, uu, 1.0), 0.0, 1.0)
+        t = np.clip((end * uv + vw) / np.where(vv > 0.0, vv, 1.0), 0.0, 1.0)
+        shares += [(s, end), (end, t)]
+    ways = (w + s * u - t * v for s, t in shares)
+    return np.asarray(np.sqrt(np.min([_dot(way, way) for way in ways], axis=0)))
 
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("nk,nk->n", one, other))
+    return np.asarray((one * other).sum(axis=0))
 
 
 _LENGTH = Measure((0, 1, 2), (1.0, 1.0, 1.0), largest=False)
@@ -297,7 +306,7 @@ class Tubes:
     """
 
     def __init__(self, fleet: FleetLegs, descent: float) -> None:
-        self._fleet = fleet
+        self._fleet, self._along = fleet, fleet.end - fleet.begin
         self._released = fleet.filled(fleet.release, np.inf)
         self._followed = fleet.profiles.followed(0.0)
         ends = fleet.release + self._followed
@@ -320,10 +329,16 @@ class Tubes:
         ``place`` (m n, 3) [m] are those of n drones at ``times`` (m,) [s], one time
         after the other; the result is no number where undefined.
         """
+        step = max(1, _AT_ONCE // (drones := self._fleet.drones))
+        cuts = np.arange(step, times.size, step)
+        both = np.split(times, cuts), np.split(place, cuts * drones)
+        return np.concatenate([*map(self._outside, *both)])
+
+    def _outside(self, times: FloatArray, place: FloatArray) -> FloatArray:
         fleet, table = self._fleet, self._fleet.profiles
         drone = np.tile(np.arange(fleet.drones), times.size)
         first, last = fleet.first[drone], fleet.first[drone + 1] - 1
-        count = (self._released <= times[:, None, None]).sum(axis=2).ravel()
+        count = (self._released.T[:, None] <= times[:, None]).sum(axis=0).ravel()
         rank = np.maximum(count, 1)
         # Where there is no timed leg, the landing stands for it.
         leg = first + UNTIMED - 2 + rank
@@ -331,17 +346,16 @@ class Tubes:
         covered = table.between(leg, since - CONSTANTS["clock_lag"], since)
         # Beyond its end a drone swings for longer than it counts for the separation.
         front = covered.front * table.excess[leg]
-        begin, along = fleet.begin[leg], (fleet.end - fleet.begin)[leg]
+        begin, along = (some.take(leg, axis=0) for some in (fleet.begin, self._along))
         rear, front = (begin + part[:, None] * along for part in (covered.rear, front))
         # At any time on its climb before timed legs, on its descent after them.
         rows = np.flatnonzero(count == 0)
         rear[rows], front[rows] = fleet.begin[first[rows]], fleet.begin[first[rows] + 2]
         off = _LENGTH.of_chords(rear - place, front - place)
-        over = (count > last - first - UNTIMED) & (since > self._followed[leg])
-        rows = np.flatnonzero(over)
+        done = count > last - first - UNTIMED
+        rows = np.flatnonzero(done & (since > self._followed[leg]))
         ends = (some[last[rows]] - place[rows] for some in (fleet.begin, fleet.end))
         lands = _LENGTH.of_chords(*ends) - table.overshoot[leg[rows]]
         off[rows] = np.minimum(lands, off[rows])
-        speed = covered.fast * table.length[leg]
-        allowed = CONSTANTS["beside"] + CONSTANTS["beside_fast"] * speed
-        return np.asarray(off / allowed)
+        allowed = CONSTANTS["beside_fast"] * covered.fast * table.length[leg]
+        return np.asarray(off / (CONSTANTS["beside"] + allowed))
