@@ -220,6 +220,7 @@ def side_by_side(
     parts: Sequence[Callable[[], Result]],
     jobs: int | None = None,
     done: Callable[[], None] = lambda: None,
+    here: int = 0,
 ) -> list[Result]:
     """Call every part, in copies of this process; return what they return, in order.
 
@@ -237,6 +238,9 @@ def side_by_side(
         in this one.
     done
         Called as each part is finished.
+    here
+        How many of the last parts this process does meanwhile, as one of the copies:
+        those that return so much that to send it takes as long as to work it out.
 
     Raises
     ------
@@ -248,7 +252,7 @@ def side_by_side(
         return [_counted(part, done) for part in parts]
     from concurrent.futures import BrokenExecutor  # noqa: PLC0415 - see above
 
-    futures = _in_copies(parts, count, done)
+    futures = _in_copies(parts, max(count - (here > 0), 1), done, here)
     results = []
     for number, part in enumerate(parts):
         future = futures.get(number)
@@ -269,8 +273,9 @@ def _in_copies(
     parts: Sequence[Callable[[], Result]],
     count: int,
     done: Callable[[], None],
+    here: int,
 ) -> dict[int, Future[Result]]:
-    """Let copies do the parts; return what each came to."""
+    """Let copies do the parts but the last ones ``here``; return what each came to."""
     from concurrent.futures import BrokenExecutor, as_completed  # noqa: PLC0415
     from multiprocessing import active_children  # noqa: PLC0415
 
@@ -282,8 +287,9 @@ def _in_copies(
     try:
         # A copy may die while work is still being given out.
         with undisturbed(), suppress(BrokenExecutor):
-            for number in range(len(parts)):
+            for number in range(len(parts) - here):
                 futures[number] = executor.submit(_do, number)
+        futures |= _here(parts, len(parts) - here)
         numbers = {future: number for number, future in futures.items()}
         for future in as_completed(numbers):
             if future.cancelled():
@@ -303,6 +309,23 @@ def _in_copies(
         _at_work.pop()
         executor.shutdown(cancel_futures=True)
     return futures
+
+
+def _here(
+    parts: Sequence[Callable[[], Result]], first: int
+) -> dict[int, Future[Result]]:
+    """Do the parts from the ``first`` on in this process, up to one that fails."""
+    from concurrent.futures import Future  # noqa: PLC0415
+
+    found: dict[int, Future[Result]] = {}
+    for number in range(first, len(parts)):
+        own = found[number] = Future()
+        try:
+            own.set_result(parts[number]())
+        except Exception as error:  # noqa: BLE001 - raised in its turn
+            own.set_exception(error)
+            break
+    return found
 
 
 def _do(number: int) -> Any:  # noqa: ANN401 - whatever the part returns

@@ -128,12 +128,13 @@ def own_children():
     return set(found)
 
 
-@given(st.lists(st.integers(), max_size=12), st.integers(1, 4))
+@given(st.lists(st.integers(), max_size=12), st.integers(1, 4), st.integers(0, 12))
 @settings(deadline=None, max_examples=15)
-def test_results_come_in_the_order_of_the_parts(numbers, jobs):
+def test_results_come_in_the_order_of_the_parts(numbers, jobs, here):
     told = []
     parts = [partial(square, number) for number in numbers]
-    found = side_by_side(parts, jobs, lambda: told.append(1))
+    here = min(here, len(parts))
+    found = side_by_side(parts, jobs, lambda: told.append(1), here)
     assert found == [number * number for number in numbers]
     assert len(told) == len(numbers)
 
@@ -146,11 +147,19 @@ def test_the_work_is_done_by_others():
     assert own_children() == before
 
 
+def test_the_last_parts_are_done_here_if_that_is_asked():
+    parts = [os.getpid] * 4
+    assert [one == os.getpid() for one in side_by_side(parts, 2, here=3)] == [
+        False, True, True, True,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("here", [0, 1, 2, 3])
 @pytest.mark.parametrize("jobs", [1, 2, 3])
-def test_the_first_part_that_fails_says_why(jobs):
+def test_the_first_part_that_fails_says_why(jobs, here):
     parts = [partial(square, 2), partial(fail, 7), partial(fail, 8)]
     with pytest.raises(ArithmeticError, match="part 7") as caught:
-        side_by_side(parts, jobs)
+        side_by_side(parts, jobs, here=here)
     assert caught.value.args[0] == 7
 
 

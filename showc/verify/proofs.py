@@ -78,7 +78,7 @@ def verify_log(
             raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
         segments, joined = decoding(log)
         reading: Any = partial(read_anchor, log, metadata, script)
-        read, *tables = side_by_side([reading, *segments], jobs)
+        read, *tables = side_by_side([reading, *segments], jobs, here=len(segments))
         (anchor, asked, checks), show = read, joined(tables)
         # Missions have the longest part: begun last, it would keep one process alone.
         rooms = [*_rooms(log, metadata, show, asked, missions=missions)][::-1]

@@ -93,20 +93,20 @@ def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
     Of a table with fewer columns, those that it has. At the joint of two mesh intervals
     the later one counts.
     """
-    drones = np.arange(table.drones.size)
+    drones = np.arange(table.drones.size)[:, None]
     both = [some for some in (table.state, table.control) if some.size]
-    result = np.empty((times.size * drones.size, sum(one.shape[2] for one in both)))
+    result = np.empty((drones.size, times.size, sum(one.shape[2] for one in both)))
     ends = 0.0, float(table.end.max())
     tracks = Tracks(*ends, table.first, table.start, table.end, table.state[:, :, :3])
-    step = max(1, _AT_ONCE // drones.size)
-    for begin in range(0, times.size, step):
-        part = np.clip(times[begin : begin + step, None], *ends)
-        row = tracks.at(drones, part)
+    moments = np.clip(times, *ends)
+    # Drone after drone, so that places on one polynomial are next to each other.
+    for part in np.array_split(drones, 1 + drones.size * times.size // _AT_ONCE):
+        row = tracks.at(part, moments)
         start, end = table.start[row], table.end[row]
-        share = np.clip((part - start) / (end - start), 0.0, 1.0).reshape(-1, 1)
-        values = [basis(one.shape[1] - 1, share) @ one[row.ravel()] for one in both]
-        result[begin * drones.size :][: row.size] = np.concatenate(values, axis=2)[:, 0]
-    return result.reshape(times.size, drones.size, -1)
+        share = np.clip((moments - start) / (end - start), 0.0, 1.0)[..., None]
+        values = [basis(x.shape[1] - 1, share) @ x.take(row, axis=0) for x in both]
+        result[part[:, 0]] = np.concatenate(values, axis=3)[:, :, 0]
+    return result.transpose(1, 0, 2)
 
 
 @dataclass(slots=True)
