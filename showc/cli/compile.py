@@ -83,10 +83,10 @@ def utc(text: str) -> datetime:
 )
 @given(
     "--effort",
-    type=Whole(1, 100),
+    type=Whole(0, 100),
     metavar="N",
     default=1,
-    help="Effort for shorter times where drones are crowded.",
+    help="Effort for shorter times where drones are crowded; 0 for a draft.",
 )
 @flag("--no-cache", text="Solve everything again.")
 @cache_option

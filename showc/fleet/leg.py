@@ -353,7 +353,7 @@ class _Solver:
             "dual_bounds": float(limiting.bounds),
             **self._airframe_bound(limiting.drone, limiting.time),
         }
-        if self.leg.duration is None:
+        if self.leg.duration is None and search.effort:
             statistics |= self._passing(duration, limiting.time)
         certificate = Certificate(
             duration,

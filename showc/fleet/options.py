@@ -21,8 +21,8 @@ class SolveOptions:
     gap_limit: float = 4.0
     """Extra time, as a fraction, with which the search for a first flight gives up."""
     effort: int = 1
-    """Work to spend where drones are crowded, from 1: a multiple of what ends the
-    search for shorter times."""
+    """Work to spend where drones are crowded: a multiple of what ends the search for
+    shorter times. With 0 it ends with the first flight, however long that takes."""
     repair_rounds: int = 40
     """Rounds of half-spaces tried at one common time."""
 

@@ -84,6 +84,8 @@ _IN_CLOSED_FORM = 2.0
 """How much more work may be done while a flight in closed form is all there is."""
 _AT_ONCE, _LEAST_WORK = 0.6, 200.0
 """Share of the work left that any one time may take, and what it may at least."""
+_DRAFT_WORK = 60.0
+"""Work of the one try of a draft: three times what 100 drones take that hardly meet."""
 _SLOWER = 4
 """Drones at most that prove slower than those that were thought the slowest."""
 
@@ -127,6 +129,8 @@ class Search:
     ) -> None:
         self.leg, self.where, self.aircraft = leg, where, aircraft
         self.separation, self.fence, self.options = room.separation, room.fence, options
+        # A time that the script gives is no matter of effort.
+        self.effort = options.effort if leg.duration is None else max(options.effort, 1)
         self.workers, self.progress = workers, progress
         self.counts: dict[str, float] = {}
         self.shortest: dict[int, Trajectory] = {}
@@ -219,6 +223,8 @@ class Search:
                 best = self.surely()
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
+            if best is not None and self.spent:
+                break
             ways = self.ways
             gap = min(self._later(repair, gap, least), longest)
             # Nothing has failed with ways that are just found.
@@ -246,12 +252,12 @@ class Search:
     def _most(self, gap: float) -> float:
         """Pairs that may be too near where a time is worth a search, early on."""
         drones = self.leg.drones.size
-        hasty = drones >= _GREAT and gap <= _SMALL and self.options.effort == 1
+        hasty = drones >= _GREAT and gap <= _SMALL and self.effort <= 1
         return _MEETING * drones if hasty else np.inf
 
     def _growth(self, repair: Repair, gap: float) -> float:
         """How much more than a time that failed is tried next, beyond the least."""
-        many = self.leg.drones.size > _MANY and self.options.effort == 1
+        many = self.leg.drones.size > _MANY and self.effort <= 1
         if many and gap <= _SMALL:
             return _BOLDLY
         # Where it nearly parts, the next time is near.
@@ -264,16 +270,18 @@ class Search:
         The nearer the best is to the least time, the finer: at last the first time that
         was tried is tried again, with ways that are known since.
         """
+        if self.spent:
+            return best
         floor = limiting.time
         first = whole_milliseconds(floor * (1.0 + self.options.gap))
         many = self.leg.drones.size > _MANY
-        part = _CLOSE_OF_MANY / self.options.effort if many else _CLOSE_SHARE
-        enough = _ENOUGH_OF_MANY / self.options.effort * floor
+        part = _CLOSE_OF_MANY / self.effort if many else _CLOSE_SHARE
+        enough = _ENOUGH_OF_MANY / self.effort * floor
         while not self.spent:
             beyond = best.duration - floor
             if many and beyond < enough:
                 break
-            near = max(_CLOSE * floor / self.options.effort, part * beyond)
+            near = max(_CLOSE * floor / self.effort, part * beyond)
             share = 0.5 if isinstance(best, Repair) else _BOLD
             middle = failed + share * (best.duration - failed)
             if self.ways is not None and isinstance(best, Repair):
@@ -315,7 +323,7 @@ class Search:
             allowed *= _WORK_ROUND
         if self._known is not None and not self._flown:
             allowed *= _IN_CLOSED_FORM
-        return self.options.effort * allowed - self.work
+        return self.effort * allowed - self.work
 
     def at(
         self,
@@ -335,7 +343,9 @@ class Search:
         most
             Pairs too near, from which on the time is not worth a search.
         """
-        leg = self.leg
+        leg, closed = self.leg, self.crossing() is not None
+        # Without effort, crowds that do not part soon fly in closed form if they can.
+        draft = closed and not (self.effort or self._looked)
         move = Move(
             name=leg.name,
             aircraft=self.aircraft,
@@ -350,9 +360,10 @@ class Search:
             detours=self.detours,
             fence=self.fence,
             rounds=self.options.repair_rounds,
-            work=max(_AT_ONCE * self.left, _LEAST_WORK),
+            work=_DRAFT_WORK if draft else max(_AT_ONCE * self.left, _LEAST_WORK),
             known=known,
-            free=self.crossing() is not None,
+            free=closed,
+            draft=draft,
             most=most,
         )
         repair = Repair(move, time, self.shortest, self.workers, self.progress)

@@ -171,6 +171,32 @@ def test_a_time_in_which_nothing_was_found_is_not_called_impossible():
     assert "needs >=" not in str(caught.value)
 
 
+def test_a_draft_leaves_a_crowd_that_hardly_parts_to_the_closed_form():
+    cube = np.array(list(np.ndindex(3, 3, 3))) * 1.6 + [0.0, 0.0, 20.0]
+    mixed = cube[np.random.default_rng(2).permutation(27)]
+    found, heard = fly(cube, mixed, make_options(effort=0))
+    tries = found.certificate.statistics
+    assert tries.get("common_times_tried", 0.0) < 2.0
+    assert tries.get("common_times_passed_over", 0.0) < 2.0
+    assert "layers" in found.certificate.method
+    # A bound by pairs would take longer than all the rest.
+    assert "passing_bound" not in tries
+    assert not any("pairs can pass" in note for note in heard.notes)
+
+
+def test_a_draft_flies_what_hardly_meets_in_the_least_time():
+    ends = np.array([[0.0, 0.0, 20.0], [9.0, 0.0, 20.0], [4.5, 9.0, 20.0]])
+    found, _ = fly(ends, ends[[1, 0, 2]], make_options(effort=0))
+    assert found.certificate.gap < 0.0015
+
+
+def test_a_time_that_the_script_gives_is_no_matter_of_effort():
+    leg = make_leg(CUBE, CUBE + 5.0)
+    assert search(leg, make_options(effort=0)).spent
+    given = replace(leg, duration=30.0)
+    assert not search(given, make_options(effort=0)).spent
+
+
 @pytest.mark.parametrize("effort", [1, 3])
 def test_more_effort_allows_more_work(effort):
     found = search(make_leg(CUBE, CUBE + 5.0), make_options(effort=effort))

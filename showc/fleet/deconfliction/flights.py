@@ -97,6 +97,8 @@ class Move:
     """Positions over the common time of drones that fly, and take no part."""
     free: bool = False
     """Whether ways would be as good in more time."""
+    draft: bool = False
+    """Whether a crowd that hardly parts is left to a flight in closed form."""
     most: float = np.inf
     """Pairs too near, from which on this time is not worth a search."""
 

@@ -264,12 +264,7 @@ class Repair:
         if round_ == 0:
             self._first = self._begin()
             self.crowd = self._crowd(met)
-            known = self._known()
-            free = self.move.free and known is None
-            search = partial(untangle, free=free)
-            found = self.made.untangle(search, self.crowd, known)
-            if free and hopeless(found):
-                found = self.made.worked(quickest(self.crowd, self.made.workers))
+            found = self._changed_together(self.crowd)
         else:
             wrong = np.concatenate([met.first, met.second, list(astray)])
             rows = np.unique(wrong.astype(np.int64))
@@ -312,6 +307,15 @@ class Repair:
                 if flights.few:
                     self._bending.missed.add(row)
         return done
+
+    def _changed_together(self, crowd: Crowd) -> Untangled:
+        """Change all flights at once, in more time where that is what it takes."""
+        known = self._known()
+        free = self.move.free and known is None
+        found = self.made.untangle(partial(untangle, free=free), crowd, known)
+        if free and hopeless(found) and not self.move.draft:
+            found = self.made.worked(quickest(crowd, self.made.workers))
+        return found
 
     def led(self, found: Untangled) -> Ways:
         """Ways to which changes of the first crowd lead, in their time."""
