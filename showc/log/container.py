@@ -31,6 +31,7 @@ from showc.log.records import (
     Opcode,
     Record,
     Schema,
+    UnpackedAhead,
     encoded,
     fields,
     inflate,
@@ -77,6 +78,10 @@ that stand beside those that move."""
 
 _MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence number, times logged and published, before a message's bytes."""
+
+_INDEX = struct.Struct("<BQHI")
+"""A message index before its entries: opcode, length, channel, length of the entries;
+a log of a great fleet has as many as messages."""
 
 _ENTRY = struct.Struct("<QQ")
 """Entry of a message index: time, and offset in the uncompressed chunk."""
@@ -247,6 +252,10 @@ class _Walk:
         so far."""
 
     def run(self) -> LogFile:
+        with UnpackedAhead(self.view) as self.chunks:
+            return self._run()
+
+    def _run(self) -> LogFile:
         view, log = self.view, self.log
         if bytes(view[: len(MAGIC)]) != MAGIC:
             what = "its first eight bytes are others" if len(view) else "it is empty"
@@ -335,7 +344,7 @@ class _Walk:
         if compression != "zstd":
             raise Damage(position, f"a chunk is packed with {compression!r}, not zstd")
         self._unpack(record, size)
-        data = inflate(self.view, span, size)
+        data = self.chunks.take(position)
         self._crc(crc, data, position, "a chunk")
         entries: dict[int, bytearray] = defaultdict(bytearray)
         try:
@@ -354,7 +363,8 @@ class _Walk:
         index, positions = bytearray(), []
         for channel, some in entries.items():
             positions.append((channel, record.stop + len(index)))
-            index += encoded(Opcode.MESSAGE_INDEX, channel, bytes(some))
+            head = Opcode.MESSAGE_INDEX, 6 + len(some), channel, len(some)
+            index += _INDEX.pack(*head) + some
         at = self._same(record.stop, bytes(index), Opcode.MESSAGE_INDEX)
         self.index[Opcode.CHUNK_INDEX].append(
             (

@@ -6,10 +6,12 @@ Source: the MCAP specification 1.0, section Records. All integers are little-end
 from __future__ import annotations
 
 import struct
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from enum import IntEnum
 from functools import lru_cache
-from typing import Any, NamedTuple
+from threading import get_ident
+from typing import Any, NamedTuple, Self
 
 import zstandard
 
@@ -22,6 +24,14 @@ HEAD = struct.Struct("<BQ")
 LARGEST_CHUNK = 1 << 26
 """Greatest uncompressed size of a chunk that is read [bytes]: sixty times what showc
 writes, and no bomb gets further."""
+
+
+_AHEAD = 2
+"""Chunks that are unpacked, or begun, at a time: one that is gone through, and the
+next. One more gains nothing, and a chunk may take all that one may take."""
+
+_BETWEEN = 1 << 16
+"""Records looked at for the next chunk: an index of each channel stands before it."""
 
 
 class Opcode(IntEnum):
@@ -229,9 +239,11 @@ def _field(kind: str, value: Any) -> bytes:  # noqa: ANN401 - whatever the kind 
     return _field(size, len(content)) + content
 
 
-@lru_cache(maxsize=1)
-def _unpacker() -> zstandard.ZstdDecompressor:
-    # Its tables take longer to make than a small chunk to unpack.
+@lru_cache(maxsize=4)
+def _unpacker(thread: int) -> zstandard.ZstdDecompressor:
+    # Its tables take longer to make than a small chunk to unpack; each thread has its
+    # own.
+    del thread
     return zstandard.ZstdDecompressor(max_window_size=LARGEST_CHUNK)
 
 
@@ -252,9 +264,49 @@ def inflate(view: memoryview, span: tuple[int, int], size: int) -> bytes:
         declared = zstandard.get_frame_parameters(packed).content_size
         if declared != size:
             raise Damage(span[0], f"a chunk of {size:,} bytes declares {declared:,}")
-        data = _unpacker().decompress(packed, size, allow_extra_data=False)
+        data = _unpacker(get_ident()).decompress(packed, size, allow_extra_data=False)
     except (zstandard.ZstdError, MemoryError, ValueError) as error:
         raise Damage(span[0], f"a chunk does not unpack ({error})") from error
     if len(data) != size:
         raise Damage(span[0], f"a chunk unpacks to {len(data):,} bytes, not {size:,}")
     return bytes(data)
+
+
+class UnpackedAhead:
+    """The chunks of a file in turn: a thread unpacks the next one meanwhile.
+
+    To unpack a chunk takes about as long as to go through it.
+    """
+
+    def __init__(self, view: memoryview) -> None:
+        self._view, self._position = view, 0
+        self._begun: dict[int, Future[bytes]] = {}
+        self._thread = ThreadPoolExecutor(1)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self._thread.shutdown(cancel_futures=True)
+
+    def take(self, position: int) -> bytes:
+        """Return the uncompressed data of the chunk whose record is at ``position``.
+
+        Raises
+        ------
+        Damage
+            If it does not unpack. What is wrong behind it is reported in its turn.
+        """
+        self._position = max(self._position, position)
+        with suppress(Damage):
+            for _ in range(_BETWEEN):
+                if len(self._begun) == _AHEAD:
+                    break
+                record = next_record(self._view, self._position)
+                if record.opcode == Opcode.CHUNK:
+                    *_, size, _, _, packed = fields(self._view, record)
+                    span = record.stop - len(packed), record.stop
+                    job = self._thread.submit(inflate, self._view, span, size)
+                    self._begun[record.position] = job
+                self._position = record.stop
+        return self._begun.pop(position).result()

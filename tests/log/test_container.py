@@ -6,7 +6,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from showc.log import container
+from showc.log import container, records
 from showc.log.chunks import ChunkWriter
 from showc.log.reader import read_log
 from showc.log.records import DamagedLogError
@@ -61,18 +61,21 @@ def test_chunks_of_zeros_are_refused_before_they_are_unpacked(bomb, monkeypatch)
         unpacked.append(size)
         return original(view, span, size)
 
-    original = container.inflate
-    monkeypatch.setattr(container, "inflate", inflate)
+    original = records.inflate
+    monkeypatch.setattr(records, "inflate", inflate)
     with pytest.raises(DamagedLogError, match=r"1,000 times the file") as damage:
         container.open_log(bomb)
     most = container.ANY_UNPACKED + container.GREATEST_RATIO * len(bomb)
-    assert sum(unpacked) <= most
+    # The next chunk may be unpacked while one is gone through.
+    ahead = unpacked.pop()
+    assert 0 < sum(unpacked) <= most
+    assert ahead <= records.LARGEST_CHUNK
     offset = damage.value.offset
     assert f"at byte {offset:,}" in str(damage.value)
     # There is the chunk that would have been unpacked next.
     opcode, _, _, _, size = struct.unpack_from("<BQQQQ", bomb, offset)
     assert opcode == 0x06
-    assert sum(unpacked) + size > container.ANY_UNPACKED
+    assert (size, sum(unpacked) + size > container.ANY_UNPACKED) == (ahead, True)
 
 
 def test_the_reader_refuses_chunks_of_zeros(bomb):
@@ -84,3 +87,34 @@ def test_one_great_chunk_may_pack_well():
     data = written([bytes(12_000_000)])
     assert len(data) < 3_000
     assert container.open_log(data).chunks[0].size > 12_000_000
+
+
+@pytest.mark.parametrize("between", [1, 2, 1 << 16])
+def test_chunks_are_unpacked_ahead_of_the_walk_and_taken_in_turn(monkeypatch, between):
+    """However few records are looked at for the next chunk."""
+    monkeypatch.setattr(records, "_BETWEEN", between)
+    data = written([bytes([k]) * CHUNK_SIZE for k in range(8)])
+    chunks = container.open_log(data).chunks
+    with records.UnpackedAhead(memoryview(data)) as unpacked:
+        position = len(records.MAGIC)
+        found = []
+        while (record := records.next_record(memoryview(data), position)).opcode != (
+            records.Opcode.DATA_END
+        ):
+            if record.opcode == records.Opcode.CHUNK:
+                found.append(unpacked.take(record.position))
+            position = record.stop
+    assert len(found) == len(chunks) >= 8
+    wanted = [records.inflate(memoryview(data), c.span, c.size) for c in chunks]
+    assert found == wanted
+
+
+def test_what_is_wrong_ahead_is_said_in_its_turn():
+    """A chunk that does not unpack, where the walk is at the one before."""
+    data = bytearray(written([bytes([k]) * CHUNK_SIZE for k in range(4)]))
+    chunks = container.open_log(bytes(data)).chunks
+    begin, end = chunks[2].span
+    data[begin:end] = bytes(end - begin)
+    with pytest.raises(DamagedLogError) as damage:
+        container.open_log(bytes(data))
+    assert damage.value.offset == begin
