@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import gc
 import os
 import signal
 import subprocess
@@ -281,6 +282,8 @@ def _in_copies(
 
     before = set(active_children())
     give_back()
+    # Copies that look for garbage leave alone, and shared, what was there before them.
+    gc.freeze()
     executor = guarded_executor(count, "fork")
     futures: dict[int, Future[Result]] = {}
     _at_work.append(parts)
@@ -306,6 +309,7 @@ def _in_copies(
             process.kill()
         raise
     finally:
+        gc.unfreeze()
         _at_work.pop()
         executor.shutdown(cancel_futures=True)
     return futures

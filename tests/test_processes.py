@@ -1,5 +1,6 @@
 """What works for a process ends with it, however it ends."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -145,6 +146,13 @@ def test_the_work_is_done_by_others():
     assert os.getpid() not in side_by_side(parts, 2)
     assert side_by_side(parts, 1) == [os.getpid()] * 8
     assert own_children() == before
+
+
+def test_what_there_was_is_no_garbage_to_copies_and_is_again_here():
+    before = gc.get_freeze_count()
+    frozen = side_by_side([gc.get_freeze_count] * 2, 2)
+    assert min(frozen) > before + 10_000
+    assert gc.get_freeze_count() == before
 
 
 def test_the_last_parts_are_done_here_if_that_is_asked():
