@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 from showc.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
     from typing import BinaryIO
 
 try:
@@ -120,6 +120,57 @@ def read_file(path: Path | str, most: int) -> bytes:
             f"it has {max(size, len(content))} bytes, at most {most} are read",
         )
     return content
+
+
+def read_files(
+    folder: Path, names: Sequence[str], each: int, whole: int
+) -> tuple[dict[str, bytes], list[str]]:
+    """Read regular files of a folder, each whole; one that cannot be read is empty.
+
+    Parameters
+    ----------
+    folder
+        Where they are.
+    names
+        Their paths in it.
+    each, whole
+        Largest size of one that is read, and of all; the rest is left out [bytes].
+
+    Returns
+    -------
+    tuple
+        Content of each file by its name; and what is wrong, with the names.
+    """
+    contents, wrong = dict[str, bytes](), list[str]()
+    for name in names:
+        content = b""
+        try:
+            content = read_file(folder / name, each)
+        except UnreadableFileError as error:
+            wrong.append(f"{name}: cannot be read: {error.reason}")
+        whole -= len(content)
+        if whole < 0:
+            wrong.append(f"{name}: the files up to here are too large in sum")
+            break
+        contents[name] = content
+    return contents, wrong
+
+
+def strangers(folder: Path, inner: Sequence[str], known: Sequence[str]) -> list[str]:
+    """Return what is in a folder beside what is ``known``, by its paths in it, sorted.
+
+    Also looked into are the folders ``inner`` of it, and no others; no link is known.
+
+    Raises
+    ------
+    OSError
+        If one of them cannot be listed.
+    """
+    folders = [folder, *(folder / name for name in inner)]
+    expected = {folder / name for name in known}
+    expected |= {one for one in folders if not one.is_symlink()}
+    found = {one for each in folders for one in each.iterdir()} - expected
+    return sorted(one.relative_to(folder).as_posix() for one in found)
 
 
 def inside(path: Path, folder: Path) -> Path:

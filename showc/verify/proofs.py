@@ -20,7 +20,7 @@ from showc.verify.kernel.choreography import joined_up
 from showc.verify.kernel.dynamics import radius, ties
 from showc.verify.kernel.limits import extremes, kept
 from showc.verify.kernel.separation import closest_of, encounter_parts, separated
-from showc.verify.missions.folder import Missions
+from showc.verify.missions.folder import Folder, Missions
 from showc.verify.report import Check, Verification, agreement, check_of, checked
 from showc.verify.samples import Samples, join
 from showc.verify.specification.aborts import Aborts, bound_to
@@ -77,11 +77,11 @@ def verify_log(
         if metadata is None:
             raise Damage(0, f"the metadata record {METADATA_NAME!r} is missing")
         segments, joined = decoding(log)
-        reading: Any = partial(read_anchor, log, metadata, script)
+        reading: Any = partial(_read, log, metadata, script, missions=missions)
         read, *tables = side_by_side([reading, *segments], jobs, here=len(segments))
-        (anchor, asked, checks), show = read, joined(tables)
+        (anchor, asked, checks, folder), show = read, joined(tables)
         # Missions have the longest part: begun last, it would keep one process alone.
-        rooms = [*_rooms(log, metadata, show, asked, missions=missions)][::-1]
+        rooms = [*_rooms(log, metadata, show, asked, folder, missions=missions)][::-1]
         parts = [part for work, _ in rooms for part in work]
         watch.stage("proving", len(parts))
         results = iter(side_by_side(parts, jobs, watch.advance))
@@ -91,11 +91,21 @@ def verify_log(
     return Verification(str(log.path), *facts, tuple(checks))
 
 
+def _read(
+    log: LogFile, metadata: Mapping[str, str], script: Path | None, *, missions: bool
+) -> tuple[str, Show | None, list[Check], Folder | None]:
+    """Read what is beside the log's own topics: the script, and then the missions."""
+    anchor, asked, checks = read_anchor(log, metadata, script)
+    folder = Folder(log, asked) if missions and asked is not None else None
+    return anchor, asked, checks, folder
+
+
 def _rooms(
     log: LogFile,
     metadata: Mapping[str, str],
     show: LoggedShow,
     asked: Show | None,
+    folder: Folder | None,
     *,
     missions: bool,
 ) -> Iterator[Room]:
@@ -116,7 +126,7 @@ def _rooms(
         if ABORT_NAME in added:
             aborts = Aborts(log, show, asked)
             yield aborts.parts(), aborts.checks
-        beside = Missions(log, show, asked, demands) if missions else None
+        beside = None if folder is None else Missions(folder, log, show, demands)
         tubes = None if beside is None else beside.tubes
         samples = Samples(log, show, lights, asked, tubes)
         yield samples.parts(), join
@@ -125,9 +135,9 @@ def _rooms(
         note = "not looked at: the log is of no script that can be read"
         yield [partial(agreement, "VRF410", [note])], list
     if not missions:
-        folder = log.path.with_suffix("")
-        lie, note = (folder / "missions").exists(), "left out as asked"
-        note += f"; but they lie in {folder.name}, and nothing is proved of them" * lie
+        there = log.path.with_suffix("")
+        lie, note = (there / "missions").exists(), "left out as asked"
+        note += f"; but they lie in {there.name}, and nothing is proved of them" * lie
         look = partial(checked, "VRF400", "unproved" if lie else None, notes=(note,))
         yield [look], list
 

@@ -13,7 +13,7 @@ from showc.log.facts import fleet_token
 from showc.log.writer import write_log
 from showc.mission import mission_files
 from showc.pipeline.compile import build_manifest
-from showc.verify.missions.folder import Missions
+from showc.verify.missions.folder import Folder, Missions
 from showc.verify.samples import Samples, join
 from showc.verify.specification.demands import hold_against
 
@@ -87,7 +87,7 @@ class Case:
 
     def _found(self, script, *, drawn):
         asked = hold_against(self.script, self.show)
-        missions = Missions(self.log, self.show, script, asked)
+        missions = Missions(Folder(self.log, script), self.log, self.show, asked)
         found = [check for part in missions.parts() for check in part()]
         if drawn and missions.tubes is not None:
             samples = Samples(self.log, self.show, asked.lights, script, missions.tubes)

@@ -20,7 +20,12 @@ from showc.documents.values import read_json
 from showc.errors import ShowError
 from showc.log import showc_pb2 as pb
 from showc.script.show import MissionOptions
-from showc.verify.missions.folder import Missions, check_parameters, check_plan
+from showc.verify.missions.folder import (
+    Folder,
+    Missions,
+    check_parameters,
+    check_plan,
+)
 from showc.verify.missions.language import MissionFormatError, read_mission
 from showc.verify.missions.law import parameter_file
 from showc.verify.specification.demands import Demands, hold_against
@@ -368,7 +373,7 @@ def test_what_differs_of_a_prediction_is_named_with_its_figures(case):
     manifest["missions"]["prediction"]["clock_lag"] = 0.0
     log = OtherManifest(case.log, json.dumps(manifest).encode())
     asked = hold_against(case.script, case.show)
-    flight = Missions(log, case.show, case.script, asked).flight()
+    flight = Missions(Folder(log, case.script), log, case.show, asked).flight()
     found = {check.code: check for check in flight}["VRF414"]
     assert (found.verdict, found.value) == ("fail", None)
     assert found.notes == ("prediction.clock_lag is 0.0, not 0.17",)
@@ -381,7 +386,7 @@ def test_missions_of_a_show_that_no_mission_carries_are_not_proved(case):
     message.kind = pb.Segment.MOTION
     segments[1] = replace(segments[1], message=message)
     show = replace(case.show, segments=tuple(segments))
-    missions = Missions(case.log, show, case.script, Demands())
+    missions = Missions(Folder(case.log, case.script), case.log, show, Demands())
     (found,) = missions.flight()
     assert (found.code, found.verdict) == ("VRF410", "fail")
     assert missions.tubes is None

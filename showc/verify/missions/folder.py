@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from showc.documents.values import read_json, unlike
-from showc.files import UnreadableFileError, read_file
+from showc.files import read_files, strangers
 from showc.log import showc_pb2 as pb
 from showc.log.facts import fleet_token, sha256
 from showc.log.schema import MANIFEST_NAME as MANIFEST
@@ -60,17 +60,11 @@ class Lit(NamedTuple):
     mission: how many legs and slots are behind it."""
 
 
-class Missions:
-    """The files of one compile, read once.
+class Folder:
+    """The files of one compile, read once; nothing of the log is kept beside them."""
 
-    ``asked`` is what follows from the script: the light and the moves of the fleet.
-    """
-
-    def __init__(
-        self, log: LogFile, show: LoggedShow, script: Show, asked: Demands
-    ) -> None:
-        self.log, self.show, self.script, self.asked = log, show, script, asked
-        self.folder = log.path.with_suffix("")
+    def __init__(self, log: LogFile, script: Show) -> None:
+        self.path, self.script = log.path.with_suffix(""), script
         self.manifest = read_manifest(log)
         self.described = object_in(self.manifest, "missions")
         said = self.described.get("autopilot", "")
@@ -80,91 +74,86 @@ class Missions:
         self.spoken = "px4" if said == "px4" else script.mission.autopilot
         self.known = self.spoken == "ardupilot"
         """Whether it is known how the autopilot flies."""
-        self.contents: dict[str, bytes] = {}
-        self.bad: list[str] = []
-        """What is wrong with the files as a whole."""
-        self.missions: dict[str, language.Mission] = {}
-        self.unread: list[str] = []
-        """What is wrong with those that are no missions."""
-        self.fleet: FleetLegs | None = None
-        """What the drones fly; None if that cannot be said: see ``grounded``."""
-        self.grounded = "how they are flown is not known"
-        if self.folder.is_dir():
-            self._read()
-            if not self.none:
-                self._fly()
-
-    @property
-    def tubes(self) -> Tubes | None:
-        """Where the drones may be at any time; None if that cannot be said."""
-        known, speed = self.fleet if self.known else None, self.script.landing
-        return None if known is None else Tubes(known, speed.descent_speed)
-
-    def parts(self) -> list[Callable[[], list[Check]]]:
-        """Return the checks of the folder, in parts for side by side."""
-        return [self.files, *[self.flight] * (not self.none)]
-
-    def names(self) -> list[str]:
+        stems = [f"missions/drone_{n:04d}" for n in range(1, script.drones + 1)]
+        files = [f"{stem}{kind}" for stem in stems for kind in (".waypoints", ".plan")]
+        files += [PARAMETERS] * (self.spoken != "px4")
+        self.names = [] if self.none else files
         """All files that must be there beside the manifest, and no others."""
-        drones = range(1, self.show.drones + 1) if not self.none else ()
-        stems = [f"missions/drone_{drone:04d}" for drone in drones]
-        found = [f"{stem}{kind}" for stem in stems for kind in (".waypoints", ".plan")]
-        return [*found, *[PARAMETERS] * (self.spoken != "px4" and not self.none)]
-
-    def files(self) -> list[Check]:
-        """Check names, hashes and every line of the files."""
-        skipped = checked("VRF400", "skipped", notes=("compiled without missions",))
-        if not self.folder.is_dir():
-            note = f"there is no folder {self.folder.name!r} beside the log; copy it "
-            note += "there, or leave missions out of the verification"
-            return [skipped if self.none else agreement("VRF401", [note])]
-        checks = [self._same_manifest(), agreement("VRF401", self.bad)]
-        if self.none:
-            return [*checks, skipped]
-        listed, asked = object_in(self.described, "files"), self.names()
-        odd = unlike(dict.fromkeys(listed), dict.fromkeys(asked), "missions.files")
-        return [*checks, agreement("VRF403", odd), *self._lines(), self._autopilot()]
-
-    def _same_manifest(self) -> Check:
-        wrong = f"{MANIFEST} differs: files of two compiles are mixed"
-        try:
-            found = read_file(self.folder / MANIFEST, CAPS["document"])
-            same = found == self.log.attachment(MANIFEST)
-        except UnreadableFileError as error:
-            same, wrong = False, f"{MANIFEST}: cannot be read: {error.reason}"
-        return agreement("VRF402", [wrong] * (not same))
+        copy, unread = read_files(self.path, [MANIFEST], *[CAPS["document"]] * 2)
+        differs = [f"{MANIFEST} differs: files of two compiles are mixed"]
+        self.mixed = unread or differs * (copy[MANIFEST] != log.attachment(MANIFEST))
+        """What is wrong with the copy of the manifest."""
+        self.there = self.path.is_dir()
+        self.contents: dict[str, bytes] = {}
+        self.missions: dict[str, language.Mission] = {}
+        self.bad, self.unread = list[str](), list[str]()
+        """What is wrong with the files as a whole, and with what are no missions."""
+        if self.there:
+            self._read()
 
     def _read(self) -> None:
         """Read all files; list no folders but those in which some must be."""
-        names, listed = self.names(), object_in(self.described, "files")
-        folders = [self.folder, *[self.folder / "missions"] * (not self.none)]
-        known = [self.folder / name for name in (MANIFEST, *names)]
+        inner, known = ["missions"] * (not self.none), [MANIFEST, *self.names]
         try:
-            known += [folder for folder in folders if not folder.is_symlink()]
-            strangers = {one for each in folders for one in each.iterdir()} - {*known}
-            odd = sorted(one.relative_to(self.folder).as_posix() for one in strangers)
+            odd = strangers(self.path, inner, known)
             self.bad += [f"{one}: is of no compile" for one in odd]
         except OSError as error:
             self.bad.append(f"the folder cannot be listed: {error.strerror}")
-        total = 0
-        for name in names:
-            try:
-                content = read_file(self.folder / name, language.RULES["largest_file"])
-            except UnreadableFileError as error:
-                self.bad.append(f"{name}: cannot be read: {error.reason}")
-                content = b""
-            if (total := total + len(content)) > CAPS["folder"]:
-                self.bad.append(f"{name}: the files up to here are too large in sum")
-                break
-            self.contents[name] = content
+        sizes = language.RULES["largest_file"], CAPS["folder"]
+        self.contents, bad = read_files(self.path, self.names, *sizes)
+        listed, self.bad = object_in(self.described, "files"), self.bad + bad
+        most = item_budget(self.spoken, self.script.mission.board)
+        for name, content in self.contents.items():
             if sha256(content) != listed.get(name):
                 self.bad.append(f"{name}: the hash is not the manifest's")
             if name.endswith(".waypoints"):
-                most = item_budget(self.spoken, self.script.mission.board)
                 try:
                     self.missions[name] = read_mission(content, self.spoken, most)
                 except language.MissionFormatError as error:
                     self.unread.append(f"{name}: {error}")
+
+
+class Missions:
+    """What the files of a compile say and fly.
+
+    ``asked`` is what follows from the script: the light and the moves of the fleet.
+    """
+
+    def __init__(
+        self, folder: Folder, log: LogFile, show: LoggedShow, asked: Demands
+    ) -> None:
+        self.folder, self.missions, self.script = folder, folder.missions, folder.script
+        self.log, self.show, self.asked = log, show, asked
+        self.fleet: FleetLegs | None = None
+        """What the drones fly; None if that cannot be said: see ``grounded``."""
+        self.grounded = "how they are flown is not known"
+        if folder.there and not folder.none:
+            self._fly()
+
+    @property
+    def tubes(self) -> Tubes | None:
+        """Where the drones may be at any time; None if that cannot be said."""
+        known, speed = self.fleet if self.folder.known else None, self.script.landing
+        return None if known is None else Tubes(known, speed.descent_speed)
+
+    def parts(self) -> list[Callable[[], list[Check]]]:
+        """Return the checks of the folder, in parts for side by side."""
+        return [self.files, *[self.flight] * (not self.folder.none)]
+
+    def files(self) -> list[Check]:
+        """Check names, hashes and every line of the files."""
+        skipped = checked("VRF400", "skipped", notes=("compiled without missions",))
+        folder = self.folder
+        if not folder.there:
+            note = f"there is no folder {folder.path.name!r} beside the log; copy it "
+            note += "there, or leave missions out of the verification"
+            return [skipped if folder.none else agreement("VRF401", [note])]
+        checks = [agreement("VRF402", folder.mixed), agreement("VRF401", folder.bad)]
+        if folder.none:
+            return [*checks, skipped]
+        listed, asked = object_in(folder.described, "files"), folder.names
+        odd = unlike(dict.fromkeys(listed), dict.fromkeys(asked), "missions.files")
+        return [*checks, agreement("VRF403", odd), *self._lines(), self._autopilot()]
 
     def _fly(self) -> None:
         """Work out what all drones fly, if that can be said."""
@@ -174,16 +163,17 @@ class Missions:
             self.grounded = "a mission carries no formation that moves"
             return
         if len(self.missions) != self.show.drones:
-            self.grounded = self.unread[0] if self.unread else "missions are missing"
+            self.grounded = next(iter(self.folder.unread), "missions are missing")
             return
-        if not self.known:
+        known = self.folder.known
+        if not known:
             pads = self.show.segments[0].ends()[0][:, 2].tolist()
             for name, height in zip(self.missions, pads, strict=True):
                 self.missions[name] = standing(self.missions[name], site, height)
         try:
             # Without a start, missions that wait for no clock count from nothing.
-            free = not self.known and self.described.get("start") is None
-            clock = None if free else Clock.of(self.described)
+            free = not known and self.folder.described.get("start") is None
+            clock = None if free else Clock.of(self.folder.described)
             missions = list(self.missions.values())
             self.fleet = fleet_legs(missions, site, self.script, clock)
         except language.MissionFormatError as error:
@@ -191,16 +181,16 @@ class Missions:
 
     def _lines(self) -> list[Check]:
         """Check every row of the missions, and every key of the plans."""
-        script, site = self.script, self.show.rules.site
-        rows, plans = list(self.unread), list[str]()
-        if (token := fleet_token(self.contents)) != self.manifest.get("fleet"):
+        folder, script, site = self.folder, self.script, self.show.rules.site
+        rows, plans = list(folder.unread), list[str]()
+        if (token := fleet_token(folder.contents)) != folder.manifest.get("fleet"):
             rows.append(f"{MANIFEST}: the fleet token is not that of these missions")
         for name, mission in self.missions.items():
-            turned = _wrong_rows(mission, self.show, self.spoken)
+            turned = _wrong_rows(mission, self.show, folder.spoken)
             rows += [f"{name}: {wrong}" for wrong in turned]
             plan = name.replace(".waypoints", ".plan")
-            whose = self.log.library, token, self.spoken
-            content = self.contents.get(plan, b"")
+            whose = self.log.library, token, folder.spoken
+            content = folder.contents.get(plan, b"")
             wrong = next(check_plan(content, mission, site, script, whose), None)
             plans += [f"{plan}: {wrong}"] * (wrong is not None)
         found = {"VRF405": rows, "VRF406": plans, "VRF409": self._wrong_lights()}
@@ -232,11 +222,12 @@ class Missions:
 
         Of one whose flight is not known say whether the script accepts it.
         """
-        said, asked = self.described.get("autopilot"), self.script.mission.autopilot
-        for wrong in unlike(said, self.spoken, "missions.autopilot"):
+        folder, asked = self.folder, self.script.mission.autopilot
+        said = folder.described.get("autopilot")
+        for wrong in unlike(said, folder.spoken, "missions.autopilot"):
             return checked("VRF410", "fail", notes=(wrong,))
         if said == "ardupilot":
-            found = self.contents.get(PARAMETERS, b"")
+            found = folder.contents.get(PARAMETERS, b"")
             return check_parameters(found, parameter_file(self.script))
         note = f"mission.autopilot of the script is {asked}"
         verdict: Verdict = "accepted" if said == asked else "unproved"
@@ -247,13 +238,13 @@ class Missions:
         if self.fleet is None:
             return [checked("VRF410", "fail", notes=(self.grounded,))]
         show, script, moves = self.show, self.script, self.asked.moves
-        if not self.known:
-            said = self.described.get("prediction")
+        if not self.folder.known:
+            said = self.folder.described.get("prediction")
             foretold = unlike(said, {"clock": "relative"}, "prediction")
             ends = visits(self.fleet, show, moves)[1]
             walls = boundaries(self.fleet, show.rules.site)
             return [ends, *walls, agreement("VRF414", foretold)]
-        return check_flight(self.fleet, show, self.described, script, moves)
+        return check_flight(self.fleet, show, self.folder.described, script, moves)
 
 
 def check_parameters(found: bytes, wanted: bytes) -> Check:
