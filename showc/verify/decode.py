@@ -23,7 +23,7 @@ from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Se
 from showc.verify.report import Check, agreement, checked
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from showc.log.container import LogFile
     from showc.log.container import Message as LoggedMessage
@@ -87,11 +87,8 @@ def decoding(
     end = max(message.start + message.duration for message in messages)
     if not abs(end - rules.duration) <= 1e-6:
         raise Damage(0, f"segments end at {end} s, the show at {rules.duration} s")
-    drones = {
-        number: int(match[1]) - 1
-        for number, channel in log.channels.items()
-        if (match := TOPIC.fullmatch(channel.topic))
-    }
+    topics = ((n, TOPIC.fullmatch(one.topic)) for n, one in log.channels.items())
+    drones = {number: int(match[1]) - 1 for number, match in topics if match}
     many = sum(int(np.isin(one.channel, [*drones]).sum()) for one in log.chunks)
     wanted = [*range(rules.drones)], rules.drones * len(messages)
     if (sorted(drones.values()), many) != wanted:
@@ -168,6 +165,8 @@ def _sound(message: pb.Segment, rules: pb.Rules) -> bool:
     certificate = message.certificate
     claims = certificate.dual_bound, certificate.single_drone_minimum
     numbers = [message.start, message.duration, *claims, *message.goals]
+    every = [certificate, *(move.certificate for move in message.moves)]
+    knots = [max(len(one.witness.knots), len(one.statistics)) for one in every]
     return (
         list(message.drones) == list(range(rules.drones))
         and len(message.goals) == 3 * len(message.places) == 3 * rules.drones
@@ -176,10 +175,7 @@ def _sound(message: pb.Segment, rules: pb.Rules) -> bool:
         and message.kind in pb.Segment.Kind.values()
         and all(abs(number) < LARGEST for number in numbers)
         and message.start >= 0.0 < message.duration
-        and all(
-            max(len(one.witness.knots), len(one.statistics)) <= CAPS["knots"]
-            for one in (certificate, *(move.certificate for move in message.moves))
-        )
+        and max(knots) <= CAPS["knots"]
     )
 
 
@@ -212,7 +208,7 @@ def read_aborts(
     ):
         raise Damage(offset, "the abort table contradicts itself")
     flights = ((one, offset) for one in table.flights)
-    tables = (_table([*islice(flights, rules.drones)], x.duration) for x in table.legs)
+    tables = (_table(islice(flights, rules.drones), x.duration) for x in table.legs)
     goals = (np.array(one.goals).reshape(-1, 3) for one in table.legs)
     return table, tuple(map(Segment, table.legs, tables, goals))
 
@@ -243,50 +239,60 @@ def _flown(
     log: LogFile, times: Sequence[int], drones: dict[int, int], which: int, lasts: float
 ) -> PieceTable:
     """Gather the flights of a segment that ``lasts`` [s]; drones are by channel."""
-    flights = []
-    for drone, logged in enumerate(log.messages({*drones}, which, len(times))):
-        found = _parsed(pb.Trajectory, logged)
-        said = found.segment, found.drone, drones[logged.channel], logged.time
-        many = len(found.meshes) > CAPS["knots"]
-        if many or said != (which, drone, drone, times[which]):
-            raise Damage(logged.offset, "a trajectory is not in its turn")
-        found.ClearField("meshes")  # of them nothing is proved
-        flights.append((found, logged.offset))
-    return _table(flights, lasts)
+
+    def flights() -> Iterator[tuple[pb.Trajectory, int]]:
+        for drone, logged in enumerate(log.messages({*drones}, which, len(times))):
+            found = _parsed(pb.Trajectory, logged)
+            said = found.segment, found.drone, drones[logged.channel], logged.time
+            many = len(found.meshes) > CAPS["knots"]
+            if many or said != (which, drone, drone, times[which]):
+                raise Damage(logged.offset, "a trajectory is not in its turn")
+            found.ClearField("meshes")  # of them nothing is proved
+            yield found, logged.offset
+
+    return _table(flights(), lasts)
 
 
-def _table(flights: Sequence[tuple[pb.Trajectory, int]], lasts: float) -> PieceTable:
+def _table(flights: Iterator[tuple[pb.Trajectory, int]], lasts: float) -> PieceTable:
     """Join the flights of a segment, each with its offset; Damage if one is odd."""
     tables, most = [], min(CAPS["pieces"], CAPS["few"] + CAPS["pace"] * lasts)
-    for one, offset in flights:
-        pieces, sizes = len(one.breaks) - 1, [len(one.state), len(one.control)]
-        terms = one.state_degree + 1, one.control_degree + 1
-        if (
-            not 0 < pieces <= most
-            or max(terms) > CAPS["degree"] + 1
-            or sizes != [pieces * n * m for n, m in zip(terms, WIDTHS, strict=True)]
-        ):
-            raise Damage(offset, "a trajectory contradicts itself")
-    for _, run in groupby(
-        enumerate(one for one, _ in flights),
-        lambda x: (x[0] // _AT_ONCE, x[1].state_degree, x[1].control_degree),
-    ):
-        some, whole = [one for _, one in run], pb.Trajectory()
-        for one in some:
-            whole.MergeFrom(one)  # its numbers after those before
-        first = np.append(0, np.cumsum([len(one.breaks) - 1 for one in some]))
-        cuts = (some_ + np.arange(len(some)) for some_ in (first[1:], first[:-1]))
-        spans = (np.delete(whole.breaks, cut) for cut in cuts)
-        both = zip((whole.state, whole.control), WIDTHS, strict=True)
-        curves = (np.array(flat).reshape(first[-1], -1, width) for flat, width in both)
-        drones = np.array([one.drone for one in some])
-        tables.append(PieceTable(drones, first, *spans, *curves))
-    table = PieceTable.joined(tables)
+    # Few at a time, for memory that was used before is the fastest.
+    while some := [*islice(flights, _AT_ONCE)]:
+        for one, offset in some:
+            if not _whole(one, most):
+                raise Damage(offset, "a trajectory contradicts itself")
+        for _, run in groupby(some, lambda x: (x[0].state_degree, x[0].control_degree)):
+            tables.append(_together([*run]))
+    return PieceTable.joined(tables)
+
+
+def _whole(one: pb.Trajectory, most: float) -> bool:
+    """Tell whether a flight has as many numbers as it says, and ``most`` pieces."""
+    pieces, (states, controls) = len(one.breaks) - 1, WIDTHS
+    return (
+        0 < pieces <= most
+        and max(one.state_degree, one.control_degree) <= CAPS["degree"]
+        and len(one.state) == pieces * (one.state_degree + 1) * states
+        and len(one.control) == pieces * (one.control_degree + 1) * controls
+    )
+
+
+def _together(flights: Sequence[tuple[pb.Trajectory, int]]) -> PieceTable:
+    """Join flights of equal degrees, each with its offset."""
+    some, whole = [one for one, _ in flights], pb.Trajectory()
+    for one in some:
+        whole.MergeFrom(one)  # its numbers after those before
+    first = np.append(0, np.cumsum([len(one.breaks) - 1 for one in some]))
+    cuts = (some_ + np.arange(len(some)) for some_ in (first[1:], first[:-1]))
+    start, end = (np.delete(whole.breaks, cut) for cut in cuts)
+    both = zip((whole.state, whole.control), WIDTHS, strict=True)
+    curves = [np.array(flat).reshape(first[-1], -1, width) for flat, width in both]
     # Numbers that are undefined make the comparisons false.
-    sound = (table.start > -LARGEST) & (table.start < table.end) & (table.end < LARGEST)
-    for numbers in (table.state, table.control):
+    sound = (start > -LARGEST) & (start < end) & (end < LARGEST)
+    for numbers in curves:
         sound &= np.abs(numbers.reshape(sound.size, -1)).max(axis=1) < LARGEST
     if not sound.all():
-        drone = table.owner[sound.argmin()]
-        raise Damage(flights[int(drone)][1], "a trajectory contradicts itself")
-    return table
+        odd = np.searchsorted(first, sound.argmin(), side="right") - 1
+        raise Damage(flights[int(odd)][1], "a trajectory contradicts itself")
+    drones = np.array([one.drone for one in some])
+    return PieceTable(drones, first, start, end, *curves)
