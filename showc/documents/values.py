@@ -145,12 +145,18 @@ def _identical(found: Any, wanted: Any) -> bool:  # noqa: ANN401 - JSON
     """Whether two values are one, to the types in them; most are, and cost little."""
     if found is wanted:
         return True
-    if type(found) is not type(wanted) or found != wanted:
-        return False
-    # Equal containers have the same keys and lengths; True in them may still be a 1.
+    return type(found) is type(wanted) and found == wanted and _alike(found, wanted)
+
+
+def _alike(found: Any, wanted: Any) -> bool:  # noqa: ANN401 - JSON
+    """Whether equal values have equal types in them: True may be a 1."""
     if isinstance(found, dict):
-        return all(map(_identical, found.values(), map(wanted.get, found)))
-    return not isinstance(found, list) or all(map(_identical, found, wanted))
+        found, wanted = [*found.values()], [wanted[key] for key in found]
+    if not isinstance(found, list):
+        return True
+    same = [*map(type, found)] == [*map(type, wanted)]
+    inner = [n for n, one in enumerate(found) if isinstance(one, (dict, list))]
+    return same and all(_alike(found[n], wanted[n]) for n in inner)
 
 
 def _agree(found: Any, wanted: Any, rounding: float, least: float) -> bool:  # noqa: ANN401
@@ -164,6 +170,15 @@ def _agree(found: Any, wanted: Any, rounding: float, least: float) -> bool:  # n
         with suppress(OverflowError):
             return bool(abs(found - wanted) <= rounding * max(least, abs(wanted)))
     return False
+
+
+def figures(value: float, digits: int) -> str:
+    """Return a number with up to ``digits`` significant digits; whole ones in full."""
+    if not isfinite(value):
+        return "unbounded"
+    if float(value).is_integer() and abs(value) < 1e9:
+        return f"{int(value)}"
+    return f"{value:.{digits}g}"
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - whatever there is

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from showc.documents.values import plain
+from showc.documents.values import figures, plain
 from showc.verify.codes import GROUPS, codes
 
 if TYPE_CHECKING:
@@ -85,10 +84,10 @@ class Check:
         if self.value is None:
             return "", ""
         digits = 9 if self.verdict == "fail" else 4
-        value = f"{format_number(self.value, digits)} {self.unit}".rstrip()
+        value = f"{figures(self.value, digits)} {self.unit}".rstrip()
         if self.limit is None:
             return value, ""
-        return value, f"limit {format_number(self.limit, digits)}"
+        return value, f"limit {figures(self.limit, digits)}"
 
     def to_json(self) -> dict[str, Any]:
         """Return a dictionary that JSON can hold."""
@@ -197,15 +196,6 @@ class Verification:
             said[name] = getattr(self, name)
         said["exit_code"] = int(not self.passed)
         return {**plain(said), "checks": [check.to_json() for check in self.checks]}
-
-
-def format_number(value: float, digits: int = 6) -> str:
-    """Up to ``digits`` significant digits; whole numbers in full."""
-    if not math.isfinite(value):
-        return "unbounded"
-    if float(value).is_integer() and abs(value) < 1e9:
-        return f"{int(value)}"
-    return f"{value:.{digits}g}"
 
 
 def _standing(checks: Sequence[Check]) -> Standing:

@@ -11,7 +11,6 @@ log's own encoders make of them is compared.
 from __future__ import annotations
 
 from collections import defaultdict
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import groupby, islice
@@ -19,8 +18,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
-from google.protobuf.message import DecodeError
 from numpy.lib.recfunctions import structured_to_unstructured
 
 from showc.documents.values import unlike
@@ -95,18 +92,24 @@ def evaluate(table: PieceTable, times: FloatArray) -> FloatArray:
     """
     drones = np.arange(table.drones.size)[:, None]
     both = [some for some in (table.state, table.control) if some.size]
-    result = np.empty((drones.size, times.size, sum(one.shape[2] for one in both)))
+    result = np.empty((drones.size * times.size, sum(x.shape[2] for x in both)))
+    order = np.arange(len(result)).reshape(times.size, -1).T
     ends = 0.0, float(table.end.max())
     tracks = Tracks(*ends, table.first, table.start, table.end, table.state[:, :, :3])
     moments = np.clip(times, *ends)
-    # Drone after drone, so that places on one polynomial are next to each other.
-    for part in np.array_split(drones, 1 + drones.size * times.size // _AT_ONCE):
-        row = tracks.at(part, moments)
+    for part in np.array_split(drones, 1 + len(result) // (2 * _AT_ONCE)):
+        row = tracks.at(part, moments).ravel()
         start, end = table.start[row], table.end[row]
-        share = np.clip((moments - start) / (end - start), 0.0, 1.0)[..., None]
-        values = [basis(x.shape[1] - 1, share) @ x.take(row, axis=0) for x in both]
-        result[part[:, 0]] = np.concatenate(values, axis=3)[:, :, 0]
-    return result.transpose(1, 0, 2)
+        share = np.clip((np.tile(moments, len(part)) - start) / (end - start), 0.0, 1.0)
+        # Drone after drone, places on one polynomial are next to each other.
+        begin = np.flatnonzero(np.diff(row, prepend=-1))
+        count, own = np.diff(begin, append=row.size), order[part].ravel()
+        for many in np.unique(count):
+            first = begin[count == many]
+            at = first[:, None] + np.arange(many)
+            values = [basis(x.shape[1] - 1, share[at]) @ x[row[first]] for x in both]
+            result[own[at]] = np.concatenate(values, axis=2)
+    return result.reshape(times.size, drones.size, -1)
 
 
 @dataclass(slots=True)
@@ -172,11 +175,9 @@ class Samples:
         self.log, self.show, self.script = log, show, script
         self.lights, self.tubes = lights, tubes
         self.topics = {c.topic: number for number, c in log.channels.items()}
-        self.single = {
-            self.topics[topic]: drone
-            for drone in range(show.drones if show.drones <= sample.SMALL_FLEET else 0)
-            if (topic := f"/drone/{drone + 1:04d}/state") in self.topics
-        }
+        small = range(show.drones if show.drones <= sample.SMALL_FLEET else 0)
+        own = ((self.topics.get(f"/drone/{n + 1:04d}/state"), n) for n in small)
+        self.single = {channel: n for channel, n in own if channel is not None}
 
     def parts(self) -> list[Callable[[], Found]]:
         """Return comparisons that can be made side by side."""
@@ -339,11 +340,10 @@ class Samples:
         """Points (n, drones) of messages; None if they are not what showc writes."""
         found, size = [], self.show.drones * layout.itemsize
         for message in messages:
-            with suppress(DecodeError):
-                content = PointCloud.FromString(message.data).data
-                points = np.frombuffer(content if len(content) == size else b"", layout)
-                same = _bytes(point_cloud(message.time, points)) == message.data
-                found += [content] * (same and points.size > 0)
+            content = message.data[-size:]  # the points come last
+            points = np.frombuffer(content if len(content) == size else b"", layout)
+            same = _bytes(point_cloud(message.time, points)) == message.data
+            found += [content] * (same and points.size > 0)
         table = np.frombuffer(b"".join(found), layout).reshape(-1, self.show.drones)
         return table if len(table) == len(messages) else None
 
@@ -362,7 +362,10 @@ class Samples:
         """
         (times, drones), encode = where, _ENCODERS[code]
         moments, index = np.unique(times, return_inverse=True)
-        ratio = _ratio(values, flown(self.show, moments)[index, drones])
+        row, grid = index * self.show.drones + drones, moments.size * self.show.drones
+        # Where it is all there is, in its order, nothing is to be picked.
+        pick = np.s_[:] if np.array_equal(row, np.arange(grid)) else row
+        ratio = _ratio(values, flown(self.show, moments).reshape(grid, -1)[pick])
         late = np.unique(np.nonzero(~(ratio <= 1.0))[0])
         for side in (-_SIDE, _SIDE) if late.size else ():
             moved, at = np.unique(times[late] + side, return_inverse=True)
@@ -370,7 +373,7 @@ class Samples:
             ratio[late] = np.minimum(ratio[late], then)
         found[code].see(ratio, times, drones)
         # A byte may be off by one: the rounding of another library's powers.
-        shown[:, :3] -= encode(self.lights.linear(moments))[index, drones]
+        shown[:, :3] -= encode(self.lights.linear(moments)).reshape(grid, 3)[pick]
         # What hides something is no rounding.
         shown[:, 3:] = 2.0 * (shown[:, 3:] - 255.0)
         found["VRF125"].see(np.abs(shown), times, drones)

@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from findings import failed
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from verified import loaded
 
 from showc.pipeline.compile import CompileOptions, compile_script
 from showc.script import load_show
 from showc.verify import verify_log
-from showc.verify.specification.demands import hold_against
+from showc.verify.specification.demands import _one_to_one, hold_against
 
 SCRIPT = """\
 showc: 1
@@ -176,3 +179,32 @@ def test_a_hold_before_a_given_time_may_grow_but_not_shrink(compiled):
 
     assert legs(grown) == []
     assert any("or more" in text for text in legs(grown + 0.01))
+
+
+GRID = st.sampled_from([-1.0, 0.0, 1.0, 2.0])
+FEW = st.integers(1, 4)
+
+
+@given(
+    FEW.flatmap(lambda n: arrays(np.float64, (n, 3), elements=GRID)),
+    FEW.flatmap(lambda n: arrays(np.float64, (n, 3), elements=GRID)),
+    st.floats(-2e-9, 2e-9),
+)
+def test_places_are_given_out_one_to_one(goals, allowed, off):
+    """As a comparison of every goal with every place says."""
+    error = 1e-9
+    goals = goals + off
+    near = (np.abs(goals[:, None] - allowed) <= error).all(axis=2)
+    alone = (near.sum(axis=1) == 1).all() and (near.sum(axis=0) <= 1).all()
+    places = _one_to_one(goals, allowed, error)
+    assert (places is not None) == alone
+    assert places is None or places.tolist() == near.argmax(axis=1).tolist()
+
+
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf])
+def test_a_goal_that_is_nowhere_has_no_place(odd):
+    allowed = np.arange(30.0).reshape(10, 3)
+    for goals in (np.where(allowed == 7.0, odd, allowed), np.full((10, 3), odd)):
+        assert _one_to_one(goals, allowed) is None
+    assert _one_to_one(np.zeros((10, 3)), np.zeros((10, 3))) is None
+    assert _one_to_one(allowed[::-1], allowed).tolist() == list(range(10))[::-1]

@@ -116,12 +116,17 @@ class Profiles:
         That is from the latest drone at low to the earliest one at high.
         """
         late = self.law_time(leg, low) - self.spread[leg]
-        early = self.law_time(leg, high) + self.spread[leg]
+        # Many drones rest at their ends.
+        found = np.repeat([[1.0], [1.0], [0.0], [0.0]], late.size, axis=1)
+        flies = np.flatnonzero(~(late > self.duration[leg]))
+        leg, late = leg[flies], late[flies]
+        early = self.law_time(leg, high[flies]) + self.spread[leg]
         (rear, before), (front, after) = (self.share(leg, t) for t in (late, early))
         slow, fast = np.minimum(before, after), np.maximum(before, after)
         middle = 0.5 * self.duration[leg]
         amid = (late < middle) & (middle < early)
-        return Covered(rear, front, slow, np.where(amid, self.fastest[leg], fast))
+        found[:, flies] = rear, front, slow, np.where(amid, self.fastest[leg], fast)
+        return Covered(*found)
 
     def followed(self, late: float | FloatArray) -> FloatArray:
         """Time (n,) [s] since its release at which each leg has surely been flown.
@@ -169,13 +174,14 @@ def profiles(
         speed = np.minimum(level / flat, vertical / steep)
         push = np.minimum(law.acceleration / flat, law.vertical_acceleration / steep)
     speed, push = (np.where(length > 0.0, some, 1.0) for some in (speed, push))
-    low, high = np.zeros_like(speed), speed.copy()
-    fits = speed * _ramp_time(_ramp(speed, push, law)) <= length
+    short = np.flatnonzero(~(speed * _ramp_time(_ramp(speed, push, law)) <= length))
+    low, high = np.zeros(short.size), speed[short]
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        inside = middle * _ramp_time(_ramp(middle, push, law)) <= length
+        time = _ramp_time(_ramp(middle, push[short], law))
+        inside = middle * time <= length[short]
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    speed = np.where(fits, speed, low)
+    speed[short] = low
     times = _assembled(length, speed, _ramp(speed, push, law))
     cruise = np.where(length > 0.0, speed, 0.0)
     # Fitted to measured flights, as the delay is: 90 and 45 ms of cruise.

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 RESOLUTION = 2e-3  # how far the proved distance may lie below the true one [m]
 
 _TOGETHER = 20_000  # pairs that are looked at together: few enough for the memory
-_AT_ONCE = 8192  # places that are looked at together: few enough for a fast memory
 _FURTHEST = 4.0
 """How far drones fly in a slice, in separations: more slices take longer to cut, fewer
 leave more pairs to be halved."""
@@ -66,11 +65,8 @@ class Stretch:
 
     def parts(self, drone: IntArray, low: FloatArray, high: FloatArray) -> Covered:
         """Places and velocities (m, axes) of drones (m,) from low to high (m,) [s]."""
-        leg, flights, release = (
-            self.leg[drone],
-            self.fleet.profiles,
-            self.release[drone],
-        )
+        leg, release = self.leg[drone], self.release[drone]
+        flights = self.fleet.profiles
         excess = np.where(self._moving(drone, low), flights.excess[leg], 1.0)
         begin, along = (some.take(drone, axis=0) for some in (self.begin, self.along))
         covered = flights.between(leg, low - release, high - release)
@@ -329,12 +325,6 @@ class Tubes:
         ``place`` (m n, 3) [m] are those of n drones at ``times`` (m,) [s], one time
         after the other; the result is no number where undefined.
         """
-        step = max(1, _AT_ONCE // (drones := self._fleet.drones))
-        cuts = np.arange(step, times.size, step)
-        both = np.split(times, cuts), np.split(place, cuts * drones)
-        return np.concatenate([*map(self._outside, *both)])
-
-    def _outside(self, times: FloatArray, place: FloatArray) -> FloatArray:
         fleet, table = self._fleet, self._fleet.profiles
         drone = np.tile(np.arange(fleet.drones), times.size)
         first, last = fleet.first[drone], fleet.first[drone + 1] - 1

@@ -74,11 +74,8 @@ def read_anchor(
         if content not in {None, text}:
             bad.append("the script in the log is another one than the script given")
         wanted = {} if result.show is None else dict(result.show.source.inputs)
-        bad += [
-            f"the input file {key!r} in the log is not the script's"
-            for key in sorted(wanted.keys() | inputs.keys())
-            if wanted.get(key) != inputs.get(key)
-        ]
+        odd = sorted(k for k in wanted | inputs if wanted.get(k) != inputs.get(k))
+        bad += [f"the input file {key!r} in the log is not the script's" for key in odd]
     notes = tuple(f"{found.code}: {found.message}" for found in result.errors[:5])
     readable = checked("VRF202", "fail" if result.show is None else "pass", notes=notes)
     checks = [agreement("VRF201", bad), readable]
@@ -180,6 +177,8 @@ def _manifest(log: LogFile, show: LoggedShow, script: Show) -> Iterator[str]:
 
 def differences(found: Message, wanted: Message) -> tuple[str, ...]:
     """Return what differs between two messages, at most a few lines."""
+    if found == wanted:
+        return ()
     if found.ByteSize() > 2 * wanted.ByteSize() + _MORE:
         return (f"{wanted.DESCRIPTOR.name} says far more than is asked for",)
     ways: dict[str, Any] = {"preserving_proto_field_name": True}

@@ -23,6 +23,7 @@ from showc.log.facts import rules_of
 from showc.script.lanes import arrival, chapters, common, cue, departure, own_times
 from showc.script.moving import MovingPlaces, moving_places
 from showc.verify.kernel.choreography import AT_REST, JOINT, MOMENT, REACHED
+from showc.verify.kernel.slices import near_pairs
 from showc.verify.report import Check, agreement
 from showc.verify.specification import motion
 from showc.verify.specification.cover import differences
@@ -376,9 +377,8 @@ class _Walk:
         if limits not in self.limits:
             self.limits.append(limits)
         if message.kind != pb.Segment.Kind.Value(kind.upper()) or message.name != name:
-            raise motion.StrayError(
-                f"leg {self.next + 1} is “{message.name}”, the script asks for “{name}”"
-            )
+            text = f"leg {self.next + 1} is “{message.name}”, the script asks for"
+            raise motion.StrayError(f"{text} “{name}”")
         facts: list[tuple[str, Any, Any]] = [
             ("from", message.from_formation, self.at),
             ("to", message.to_formation, to),
@@ -486,7 +486,13 @@ def _one_to_one(
     goals: FloatArray, allowed: FloatArray, error: float = PLACE_ERROR
 ) -> IntArray | None:
     """Find the place of each goal; None unless each has one of its own."""
-    axes = np.ascontiguousarray(allowed.T)
-    near = np.array([np.abs(axes - at[:, None]).max(axis=0) <= error for at in goals])
-    alone = (near.sum(axis=1) == 1).all() and (near.sum(axis=0) <= 1).all()
-    return near.argmax(axis=1) if alone else None
+    both, many = np.concatenate([goals, allowed]), len(goals)
+    # One for each goal, and hardly any more: places lie apart.
+    pairs = near_pairs(both, error, 10 * len(both)) if np.isfinite(both).all() else None
+    if pairs is None:
+        return None
+    (goal, place), off = pairs.T, np.abs(np.subtract(*both[pairs.T])).max(axis=1)
+    pairs = pairs[(goal < many) & (many <= place) & (off <= error)]
+    goal, place = pairs[np.argsort(pairs[:, 0])].T
+    alone = np.array_equal(goal, np.arange(many)) and np.unique(place).size == many
+    return place - many if alone else None

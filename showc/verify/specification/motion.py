@@ -114,10 +114,9 @@ def _strayed(
     logged = np.stack([[one[first, 0], one[last, -1]] for one in slopes[1:]])
     missed = (np.abs(logged - ends).max(axis=(1, 3)).T / JOINED).max(axis=1)
     if not mine.frames:  # drones that stay where they are do not turn
-        yaw = some.state[:, :, 8] - np.repeat(
-            some.state[first, :1, 8], np.diff(some.first), 0
-        )
-        turned = np.maximum.reduceat(np.abs(yaw).max(axis=1), first)
+        begun = np.repeat(some.state[first, :1, 8], np.diff(some.first), 0)
+        yaw = np.abs(some.state[:, :, 8] - begun).max(axis=1)
+        turned = np.maximum.reduceat(yaw, first)
         missed = np.maximum(missed, turned / JOINT)
     # The greatest second difference of the logged positions.
     bends = np.linalg.norm(slopes[2], axis=2).max(axis=1)
@@ -280,7 +279,6 @@ class Lanes:
             wrong = begins - claim.start, ends - claim.start - claim.duration
             off = np.abs(wrong).max()
             if np.isfinite(begins) and not off <= MOMENT:
-                yield (
-                    f"“{claim.name}” is flown from {begins:.3f} s to {ends:.3f} s, the "
-                    f"log says from {claim.start:.3f} s, for {claim.duration:.3f} s"
-                )
+                said = f"from {claim.start:.3f} s, for {claim.duration:.3f} s"
+                flies = f"is flown from {begins:.3f} s to {ends:.3f} s"
+                yield f"“{claim.name}” {flies}, the log says {said}"
