@@ -13,6 +13,7 @@ from scipy.optimize import linear_sum_assignment
 from showc.errors import SolveError
 from showc.fleet import search as module
 from showc.fleet import solve_leg
+from showc.fleet.deconfliction import repair
 from showc.fleet.deconfliction.conflicts import closest
 from showc.fleet.deconfliction.layered import fly_layered
 from showc.fleet.deconfliction.layers import layers
@@ -171,7 +172,12 @@ def test_a_time_in_which_nothing_was_found_is_not_called_impossible():
     assert "needs >=" not in str(caught.value)
 
 
-def test_a_draft_leaves_a_crowd_that_hardly_parts_to_the_closed_form():
+def test_a_draft_leaves_a_crowd_that_hardly_parts_to_the_closed_form(monkeypatch):
+    def longer(*_):
+        pytest.fail("ways in more time are looked for")
+
+    for place in (repair, module):
+        monkeypatch.setattr(place, "quickest", longer)
     cube = np.array(list(np.ndindex(3, 3, 3))) * 1.6 + [0.0, 0.0, 20.0]
     mixed = cube[np.random.default_rng(2).permutation(27)]
     found, heard = fly(cube, mixed, make_options(effort=0))
