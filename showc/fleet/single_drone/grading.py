@@ -13,7 +13,7 @@ import numpy as np
 
 from showc.fleet.single_drone.guess import flat_guess
 from showc.fleet.single_drone.intervals import END_GRADING, graded_widths
-from showc.fleet.single_drone.model import USUAL, single_problem
+from showc.fleet.single_drone.model import USUAL_SCALES, single_problem
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -87,7 +87,7 @@ def solve_on_graded_meshes(
 
     programs.leave(kept.room)
     aircraft = programs.aircraft
-    scales = USUAL.raised(float(np.linalg.norm((goal - start)[:3])), guessed)
+    scales = USUAL_SCALES.raised(float(np.linalg.norm((goal - start)[:3])), guessed)
     problem = single_problem(aircraft, minimum_time=True, scales=scales)
     phase, room = problem.phases[0], END * aircraft.vehicle.hover_thrust
     for (which, name), value in programs.thrusts.items():

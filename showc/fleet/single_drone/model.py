@@ -81,7 +81,7 @@ class Scales:
         )
 
 
-USUAL = Scales()
+USUAL_SCALES = Scales()
 """Those of programs that serve many moves."""
 
 
@@ -289,7 +289,7 @@ def _optional_bounds(aircraft: Aircraft) -> Bounds:
 
 
 def add_drone(
-    phase: Phase, problem: Problem, aircraft: Aircraft, scales: Scales = USUAL
+    phase: Phase, problem: Problem, aircraft: Aircraft, scales: Scales = USUAL_SCALES
 ) -> None:
     """Add states, inputs, dynamics and limits of one drone to a phase.
 
@@ -418,14 +418,14 @@ def effort(phase: Phase, aircraft: Aircraft) -> Any:  # noqa: ANN401
     total = (_thrust(phase) / vehicle.hover_thrust - 1.0) ** 2
     for name in input_names(aircraft)[1:]:
         symbol = controls[f"{name}"].quantity.symbol
-        total += EFFORT_TORQUE * (symbol / USUAL.angular_acceleration) ** 2
+        total += EFFORT_TORQUE * (symbol / USUAL_SCALES.angular_acceleration) ** 2
     if rate := controls.get("thrust_rate"):
-        total += (rate.quantity.symbol / (vehicle.mass * USUAL.jerk)) ** 2
+        total += (rate.quantity.symbol / (vehicle.mass * USUAL_SCALES.jerk)) ** 2
     return total
 
 
 def single_problem(
-    aircraft: Aircraft, *, minimum_time: bool, scales: Scales = USUAL
+    aircraft: Aircraft, *, minimum_time: bool, scales: Scales = USUAL_SCALES
 ) -> Problem:
     """State the problem of one drone.
 

@@ -29,7 +29,7 @@ from showc.fleet.single_drone.judgement import (
     judge,
     refusal,
 )
-from showc.fleet.single_drone.model import ROOM, USUAL, in_motion
+from showc.fleet.single_drone.model import ROOM, USUAL_SCALES, in_motion
 from showc.fleet.single_drone.programs import Programs
 from showc.ocp.refinement.strategy import refine
 
@@ -143,8 +143,8 @@ def _attempts(
     limited = aircraft.limits.limits_acceleration
     length = float(np.linalg.norm(way[:3] - here[:3]))
     # However quick a move, its effort weighs little beside its time.
-    quick = USUAL.raised(length, estimate).angular_acceleration
-    effort = EFFORT * (USUAL.angular_acceleration / quick) ** 2
+    quick = USUAL_SCALES.raised(length, estimate).angular_acceleration
+    effort = EFFORT * (USUAL_SCALES.angular_acceleration / quick) ** 2
     if aircraft.yaw == "held" and tolerance >= CLOSE:
         count = interval_count(estimate, INTERVALS)
         widths = graded_widths(SPARE * estimate, count, END_GRADING)
