@@ -51,9 +51,10 @@ _STILL = 1e-9
 _GROWTH, _SLOWLY, _NEARLY, _BOLDLY = 4.0, 2.0, 1.5, 16.0
 """Growth of the time allowed over the least one after a failure; where a crowd was
 nearly parted, with fewer times what may be wrong; and of many drones at first."""
-_GREAT, _MEETING = 500, 0.25
-"""Drones from which on a time near the least is passed over where more than this share
-of them meet on straight lines: a search there takes as long as all others."""
+_GREAT, _MEETING, _FEW = 500, 0.25, 8
+"""Drones from which on a time near the least is passed over where more pairs than this
+share of them meet on straight lines: a search there takes as long as all others. In a
+draft it is passed over for any number of drones, but not for so few pairs."""
 _SMALL = 0.01
 """Share of the least time beyond it up to which growth is quick all the same."""
 _MANY = 128
@@ -84,8 +85,10 @@ _IN_CLOSED_FORM = 2.0
 """How much more work may be done while a flight in closed form is all there is."""
 _AT_ONCE, _LEAST_WORK = 0.6, 200.0
 """Share of the work left that any one time may take, and what it may at least."""
-_DRAFT_WORK = 60.0
-"""Work of the one try of a draft: three times what 100 drones take that hardly meet."""
+_DRAFT_WORK, _DRAFT_GAPS = 60.0, (0.03, 0.1)
+"""Work of each try of a draft: three times what 100 drones take that hardly meet. And
+shares of the least time beyond it that a draft of a crowd tries after the first one:
+nearer to it each drone is solved again and again, as splines are not supple enough."""
 _SLOWER = 4
 """Drones at most that prove slower than those that were thought the slowest."""
 
@@ -219,7 +222,7 @@ class Search:
                 least = max(least, limiting.time)
                 continue
             longest = self._longest(least) if longest is None else longest
-            if best is None:
+            if best is None and not self._drafts_on(gap):
                 best = self.surely()
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
@@ -237,6 +240,8 @@ class Search:
         First that in which the crowd parts soonest, then a little more each time.
         Where others fly, or drones are in motion, ways are good for one time alone.
         """
+        if self._drafts_on(gap):
+            return next(longer for longer in _DRAFT_GAPS if longer > gap)
         if self.ways is not None:
             self.step *= 2.0
             return (1.0 + gap) * (1.0 + self.step) - 1.0
@@ -249,11 +254,17 @@ class Search:
         self.ways = repair.led(found)
         return max(found.duration / least - 1.0, gap + _SOON)
 
+    def _drafts_on(self, gap: float) -> bool:
+        """Whether a draft tries longer times before it flies in closed form."""
+        more = not self.effort and gap < _DRAFT_GAPS[-1]
+        return more and self.crossing() is not None
+
     def _most(self, gap: float) -> float:
         """Pairs that may be too near where a time is worth a search, early on."""
         drones = self.leg.drones.size
-        hasty = drones >= _GREAT and gap <= _SMALL and self.effort <= 1
-        return _MEETING * drones if hasty else np.inf
+        hasty = (drones >= _GREAT and self.effort <= 1) or self._drafts_on(gap)
+        most = max(_MEETING * drones, _FEW)
+        return most if hasty and gap <= _SMALL else np.inf
 
     def _growth(self, repair: Repair, gap: float) -> float:
         """How much more than a time that failed is tried next, beyond the least."""
