@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from contextlib import suppress
+from itertools import chain
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,9 @@ MOST_MEMORY = 1 << 28
 _PER_CONTAINER, _PER_VALUE = 72, 32
 """What a list and a number in it take at least in memory [bytes]."""
 
+DEEPEST = 100
+"""Containers within each other at most: ten times what showc writes. Python's own limit
+of 1,000 calls is met at half of it where a document goes to another process."""
 
 _PER_BYTE = 8
 """What one byte of a document that is gathered as it is read may take in memory
@@ -80,7 +84,8 @@ def read_json(content: bytes, most: int) -> Any:  # noqa: ANN401 - JSON
     ------
     ValueError
         If it is no JSON, holds a number that is none, or one key twice, has more
-        bytes, or would take more memory than :data:`MOST_MEMORY`.
+        bytes, would take more memory than :data:`MOST_MEMORY`, or is nested deeper than
+        :data:`DEEPEST`.
     """
     if len(content) > most:
         raise ValueError(f"it has {len(content):,} bytes")
@@ -103,11 +108,19 @@ def read_json(content: bytes, most: int) -> Any:  # noqa: ANN401 - JSON
 
     try:
         text = content.decode("utf-8")
-        return json.loads(
+        found = json.loads(
             text, parse_constant=finite, parse_float=finite, object_pairs_hook=once
         )
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+    level = [found]
+    for _ in range(DEEPEST + 1):
+        level = [one for one in level if isinstance(one, (dict, list))]
+        if not level:
+            return found
+        both = (one.values() if isinstance(one, dict) else one for one in level)
+        level = [*chain.from_iterable(both)]
+    raise ValueError("it is nested too deeply")
 
 
 def unlike(

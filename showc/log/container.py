@@ -164,6 +164,13 @@ class LogFile:
         parts = [chunk.time[chunk.channel == channel] for chunk in self.chunks]
         return np.concatenate([*parts, np.empty(0, dtype=np.int64)])
 
+    def sizes(self, channels: set[int]) -> IntArray:
+        """Bytes of each message of some channels in order, shape (n,)."""
+        rows = [np.isin(chunk.channel, [*channels]) for chunk in self.chunks]
+        both = zip(self.chunks, rows, strict=True)
+        parts = [(chunk.stop - chunk.start)[own] for chunk, own in both]
+        return np.concatenate([*parts, np.empty(0, dtype=np.int64)])
+
     def before(self, names: Collection[str]) -> str:
         """SHA-256 of all bytes before the first attachment of these ``names``, hex."""
         begin = min(one.position for one in self.attachments if one.name in names)

@@ -272,6 +272,42 @@ def inflate(view: memoryview, span: tuple[int, int], size: int) -> bytes:
     return bytes(data)
 
 
+_FIXED = {1: 8, 5: 4}
+"""Bytes of a field of fixed length, by the wire type."""
+
+
+def has_more_fields(message: bytes, most: int) -> bool:
+    """Whether an encoded protobuf message has more than ``most`` fields.
+
+    Fields within fields do not count. What is malformed counts up to there: parsing it
+    says so. Source: the Protocol Buffers encoding, section Message Structure.
+    """
+    if len(message) <= 2 * most:  # a field takes two bytes or more
+        return False
+    at = 0
+    for _ in range(most + 1):
+        if at >= len(message):
+            return False
+        tag, at = _varint(message, at)
+        wire = tag & 7
+        if wire in {0, 2}:
+            length, at = _varint(message, at)
+            at += length if wire == 2 else 0
+        else:
+            at += _FIXED.get(wire, len(message))
+    return True
+
+
+def _varint(message: bytes, at: int) -> tuple[int, int]:
+    """Return the number whose bytes begin at a place, and where they end."""
+    number = shift = 0
+    for byte in message[at : at + 10]:
+        number, shift, at = number | (byte & 127) << shift, shift + 7, at + 1
+        if byte < 128:
+            break
+    return number, at
+
+
 class UnpackedAhead:
     """The chunks of a file in turn: a thread unpacks the next one meanwhile.
 

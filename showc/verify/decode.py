@@ -17,7 +17,7 @@ from google.protobuf.proto import parse_length_prefixed
 from showc.codes import read_table
 from showc.log import showc_pb2 as pb
 from showc.log.facts import message_type
-from showc.log.records import Damage
+from showc.log.records import Damage, has_more_fields
 from showc.log.schema import ABORT_HEAD, ABORT_NAME, RULES, SEGMENTS, descriptor_set
 from showc.verify.kernel.show import LARGEST, WIDTHS, LoggedShow, PieceTable, Segment
 from showc.verify.report import Check, agreement, checked
@@ -34,8 +34,8 @@ FORMAT_VERSION = 1  # of the log's content that is known here
 
 CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")  # sizes refused
 
-_PARTS: dict[bytes, Any]  # of an abort table, by their tags
-_PARTS = {b"\x22": pb.AbortRow, b"\x2a": pb.Segment, b"\x32": pb.Trajectory}
+# Of an abort table, by their tags.
+_PARTS: Any = {b"\x22": pb.AbortRow, b"\x2a": pb.Segment, b"\x32": pb.Trajectory}
 
 _MALFORMED = DecodeError, RecursionError, MemoryError
 
@@ -82,16 +82,18 @@ def decoding(
         If they are missing, malformed or contradict each other; names the byte at
         which the data of the chunk begin.
     """
+    topics = ((n, TOPIC.fullmatch(one.topic)) for n, one in log.channels.items())
+    drones = {number: int(match[1]) - 1 for number, match in topics if match}
+    held = int(log.sizes({*drones, *_on(log, SEGMENTS)}).sum())
+    if held > CAPS["held"] + CAPS["packed"] * len(log.view):
+        raise Damage(0, f"flights and segments have {held:,} bytes, far too many")
     rules, epoch = _rules(log)
     messages = _segments(log, rules, epoch)
     end = max(message.start + message.duration for message in messages)
     if not abs(end - rules.duration) <= 1e-6:
         raise Damage(0, f"segments end at {end} s, the show at {rules.duration} s")
-    topics = ((n, TOPIC.fullmatch(one.topic)) for n, one in log.channels.items())
-    drones = {number: int(match[1]) - 1 for number, match in topics if match}
-    many = sum(int(np.isin(one.channel, [*drones]).sum()) for one in log.chunks)
     wanted = [*range(rules.drones)], rules.drones * len(messages)
-    if (sorted(drones.values()), many) != wanted:
+    if (sorted(drones.values()), log.sizes({*drones}).size) != wanted:
         raise Damage(0, "there is not one trajectory of each drone in each segment")
     times = log.times(*_on(log, SEGMENTS)).tolist()
 
@@ -114,8 +116,8 @@ def _on(log: LogFile, topic: str) -> set[int]:
 def _parsed(kind: type[Parsed], message: LoggedMessage) -> Parsed:
     """Decode one message; damage if it does not decode."""
     name = kind.DESCRIPTOR.full_name
-    if kind in {pb.Segment, pb.Trajectory} and len(message.data) > CAPS["message"]:
-        raise Damage(message.offset, f"a {name} is larger than any of showc's")
+    if has_more_fields(message.data, CAPS["fields"]):
+        raise Damage(message.offset, f"a {name} has more fields than any of showc's")
     try:
         found = kind.FromString(message.data)
     except _MALFORMED as error:
@@ -145,14 +147,14 @@ def _rules(log: LogFile) -> tuple[pb.Rules, int]:
 
 def _segments(log: LogFile, rules: pb.Rules, epoch: int) -> list[pb.Segment]:
     """Return what the log says of each segment, in order."""
-    found: list[pb.Segment] = []
+    found, moves = list[pb.Segment](), 0
     for logged in log.messages(_on(log, SEGMENTS)):
         message, offset = _parsed(pb.Segment, logged), logged.offset
         if not _sound(message, rules):
             raise Damage(offset, f"segment {message.name!r} contradicts itself")
         time = epoch + round(Fraction(message.start) * 10**9)
-        turn = message.index, logged.time
-        if turn != (len(found), time) or len(found) >= CAPS["segments"]:
+        turn, moves = (message.index, logged.time), moves + len(message.moves)
+        if turn != (len(found), time) or max(len(found), moves) > CAPS["segments"]:
             raise Damage(offset, f"segment {message.name!r} is not in its turn")
         found.append(message)
     if not found:
@@ -244,8 +246,7 @@ def _flown(
         for drone, logged in enumerate(log.messages({*drones}, which, len(times))):
             found = _parsed(pb.Trajectory, logged)
             said = found.segment, found.drone, drones[logged.channel], logged.time
-            many = len(found.meshes) > CAPS["knots"]
-            if many or said != (which, drone, drone, times[which]):
+            if said != (which, drone, drone, times[which]):
                 raise Damage(logged.offset, "a trajectory is not in its turn")
             found.ClearField("meshes")  # of them nothing is proved
             yield found, logged.offset

@@ -5,6 +5,11 @@ from io import BytesIO
 
 import numpy as np
 import pytest
+from google.protobuf.empty_pb2 import Empty
+from google.protobuf.internal.encoder import _VarintBytes
+from google.protobuf.unknown_fields import UnknownFieldSet
+from hypothesis import given
+from hypothesis import strategies as st
 
 from showc.log import container, records
 from showc.log.chunks import ChunkWriter
@@ -118,3 +123,23 @@ def test_what_is_wrong_ahead_is_said_in_its_turn():
     with pytest.raises(DamagedLogError) as damage:
         container.open_log(bytes(data))
     assert damage.value.offset == begin
+
+
+FIELDS = st.one_of(
+    st.integers(0, (1 << 64) - 1).map(lambda n: b"\x08" + _VarintBytes(n)),
+    st.binary(max_size=300).map(lambda some: b"\x12" + _VarintBytes(len(some)) + some),
+    st.binary(min_size=8, max_size=8).map(lambda some: b"\x19" + some),
+    st.binary(min_size=4, max_size=4).map(lambda some: b"\xa5\x06" + some),
+)
+
+
+@given(st.lists(FIELDS, max_size=30), st.integers(0, 32))
+def test_the_fields_of_a_message_are_those_that_its_parser_finds(parts, most):
+    message = b"".join(parts)
+    assert len(UnknownFieldSet(Empty.FromString(message))) == len(parts)
+    assert records.has_more_fields(message, most) is (len(parts) > most)
+
+
+@given(st.binary(max_size=200), st.integers(0, 50))
+def test_fields_of_garbage_are_counted_without_an_error(message, most):
+    assert records.has_more_fields(message, most) in {True, False}

@@ -15,6 +15,7 @@ from verified import loaded, proved_flight, written
 
 from showc.errors import DamagedFileError
 from showc.log import showc_pb2 as pb
+from showc.log.container import open_log
 from showc.verify import DamagedLogError, verify_log
 from showc.verify.decode import CAPS
 from showc.verify.kernel.dynamics import radius, ties
@@ -347,8 +348,57 @@ def test_a_segment_that_says_far_too_much_is_refused(data, tmp_path, many):
             segment.certificate.statistics.update({str(n): 1.0 for n in range(2000)})
 
     content = changed(data, pb.Segment, "/show/segments", 0, change)
-    with pytest.raises(DamagedLogError, match=r"larger than any|contradicts itself"):
+    with pytest.raises(DamagedLogError, match=r"more fields|contradicts itself"):
         verified(content, tmp_path)
+
+
+def test_rules_of_far_too_many_limits_are_refused(data, tmp_path):
+    """An empty part takes two bytes in a message, and a hundred in memory."""
+
+    def change(rules):
+        rules.limits.extend([pb.Limits()] * 1_000_000)
+
+    content = changed(data, pb.Rules, "/show/rules", 0, change)
+    with pytest.raises(DamagedLogError, match="more fields than any"):
+        verified(content, tmp_path)
+
+
+def test_moves_of_all_segments_together_are_refused_beyond_reason(data, tmp_path):
+    def replace(topic, index, message):
+        del index
+        more = b"j\x00" * 4000  # an empty move each
+        return message + more * (topic == "/show/segments")
+
+    assert not pb.Segment.FromString(b"j\x00").moves[0].name
+    with pytest.raises(DamagedLogError, match="is not in its turn"):
+        verified(rewritten(data, replace), tmp_path)
+
+
+def test_flights_far_larger_than_the_log_are_refused(data, tmp_path, monkeypatch):
+    """A hold of high degree in many intervals packs into almost nothing."""
+    monkeypatch.setitem(CAPS, "held", 1 << 20)
+
+    def wide(topic, index, message):
+        del index
+        if not topic.endswith("/trajectory"):
+            return message
+        flight, pieces = pb.Trajectory.FromString(message), 100
+        flight.state_degree = flight.control_degree = CAPS["degree"]
+        flight.breaks[:] = np.linspace(0.0, flight.breaks[-1], pieces + 1)
+        flight.state[:] = [*flight.state[:12]] * ((CAPS["degree"] + 1) * pieces)
+        flight.control[:] = [*flight.control[:4]] * ((CAPS["degree"] + 1) * pieces)
+        return flight.SerializeToString(deterministic=True)
+
+    with pytest.raises(DamagedLogError, match="far too many"):
+        verified(rewritten(data, wide), tmp_path)
+
+
+def test_flights_of_an_honest_log_are_few_beside_it(data):
+    log = open_log(data)
+    flights = {n for n, one in log.channels.items() if one.topic.endswith("trajectory")}
+    sizes = log.sizes(flights)
+    assert sizes.tolist() == [len(one.data) for one in log.messages(flights)]
+    assert sizes.sum() < 0.2 * CAPS["packed"] * len(data)
 
 
 @pytest.mark.parametrize("more", [0, 1])

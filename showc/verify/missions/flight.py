@@ -404,7 +404,7 @@ def _as_claimed(
             near = np.inf if close is None else close["distance"] + 0.0
             if near != found and not abs(near - found) <= CONSTANTS["agreement"]:
                 wrong.append(f"prediction.{key}: nearest are {near} m, not {found} m")
-    except (*_UNREADABLE, RecursionError):
+    except _UNREADABLE:
         wrong = ["the prediction is nothing that can be read"]
     return agreement("VRF414", wrong)
 
