@@ -85,10 +85,12 @@ _IN_CLOSED_FORM = 2.0
 """How much more work may be done while a flight in closed form is all there is."""
 _AT_ONCE, _LEAST_WORK = 0.6, 200.0
 """Share of the work left that any one time may take, and what it may at least."""
-_DRAFT_WORK, _DRAFT_GAPS = 60.0, (0.03, 0.1)
+_DRAFT_WORK, _DRAFT_GAPS = 60.0, (0.03, 0.1, 0.3)
 """Work of each try of a draft: three times what 100 drones take that hardly meet. And
 shares of the least time beyond it that a draft of a crowd tries after the first one:
 nearer to it each drone is solved again and again, as splines are not supple enough."""
+_DRAFT_SEARCH = 150.0
+"""Work of a draft up to which a try looks for ways through a fourth dimension."""
 _SLOWER = 4
 """Drones at most that prove slower than those that were thought the slowest."""
 
@@ -373,7 +375,7 @@ class Search:
             rounds=self.options.repair_rounds,
             work=_DRAFT_WORK if draft else max(_AT_ONCE * self.left, _LEAST_WORK),
             known=known,
-            free=closed,
+            free=closed and not (draft and self.work < _DRAFT_SEARCH),
             draft=draft,
             most=most,
         )
@@ -398,10 +400,8 @@ class Search:
     def _inside(self, found: ClosedFlights) -> bool:
         """Whether flights stay within the fence."""
         fence = self.fence
-        if fence is None:
-            return True
         states = [flight.state for flight in found.trajectories]
-        return all(
+        return fence is None or all(
             fence.first_breach(state.coefficients[..., :2], state.breaks) is None
             for state in states
         )
@@ -411,15 +411,8 @@ class Search:
         leg = self.leg
         if self.shared is None or leg.others:
             return None
-        return Crossing(
-            self.aircraft,
-            self.separation,
-            leg.start,
-            leg.goal,
-            leg.others_parked,
-            self.shared,
-            self.fence,
-        )
+        ends, room = (leg.start, leg.goal, leg.others_parked), (self.shared, self.fence)
+        return Crossing(self.aircraft, self.separation, *ends, *room)
 
     def _detours(self) -> dict[int, Detour]:
         """Find ways for the drones whose straight way leaves the fence."""

@@ -296,7 +296,7 @@ class Repair:
         left = self._changed(rows, found)
         self._slowed.clear()
         busy = dict.fromkeys(left, 0.0) | dict(astray)
-        if self.move.draft and self.work + len(busy) > self.move.work:
+        if self.move.draft and len(busy) > self.move.work:
             self.tangled = _NOT_AT_ALL
             return False
         done = bool(busy) and self._bending.bend([], dict.fromkeys(near, 1), busy)
