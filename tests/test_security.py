@@ -1,9 +1,11 @@
 """What the page on security says is what the code does."""
 
+import os
 import re
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import click
 import pytest
@@ -82,6 +84,28 @@ def test_the_workflow_runs_what_is_pinned_and_little_else():
         f"{PROJECT['name']} @ git+https://github.com/$REPOSITORY@$COMMIT"
         in (installs[0])
     )
+
+
+def test_the_workflow_trusts_the_script_that_lies_there(tmp_path):
+    """Its own commands, in a shell: the log is held against the script, not itself."""
+    (job,) = yaml.safe_load(WORKFLOW.read_text())["jobs"].values()
+    named = {step.get("name"): step.get("run") for step in job["steps"]}
+    run = named["Compile and verify"]
+    show = tmp_path / "shows" / "first.yaml"
+    show.parent.mkdir()
+    show.write_bytes((ROOT / "shows" / "first.yaml").read_bytes())
+    folder = Path(sys.executable).parent
+    means = {"SCRIPTS": "shows/*.yaml", "PATH": f"{folder}:{os.environ['PATH']}"}
+    done = subprocess.run(
+        ["bash", "-e", "-c", run],
+        cwd=tmp_path,
+        env=os.environ | means,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert re.search(r"^PROVED: ", done.stdout, flags=re.MULTILINE)
+    assert ": given with --script, and compared with the one in the log" in done.stdout
 
 
 def test_the_package_is_not_called_as_somebody_elses():
