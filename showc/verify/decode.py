@@ -34,7 +34,6 @@ FORMAT_VERSION = 1  # of the log's content that is known here
 
 CAPS: dict[str, int] = read_table(__package__ or "", "caps.toml")  # sizes refused
 
-# Of an abort table, by their tags.
 _PARTS: Any = {b"\x22": pb.AbortRow, b"\x2a": pb.Segment, b"\x32": pb.Trajectory}
 
 _MALFORMED = DecodeError, RecursionError, MemoryError
@@ -216,7 +215,7 @@ def read_aborts(
 
 
 def _abort_table(content: bytes, rules: pb.Rules) -> pb.AbortTable:
-    """Decode an abort table part by part, so that the first odd one ends it."""
+    """Decode an abort table by its tags, so that the first odd part ends it."""
     table, stream = pb.AbortTable.FromString(content[:ABORT_HEAD]), BytesIO(content)
     stream.seek(ABORT_HEAD)
     while tag := stream.read(1):
@@ -246,7 +245,8 @@ def _flown(
         for drone, logged in enumerate(log.messages({*drones}, which, len(times))):
             found = _parsed(pb.Trajectory, logged)
             said = found.segment, found.drone, drones[logged.channel], logged.time
-            if said != (which, drone, drone, times[which]):
+            many = len(found.meshes) > CAPS["knots"]
+            if many or said != (which, drone, drone, times[which]):
                 raise Damage(logged.offset, "a trajectory is not in its turn")
             found.ClearField("meshes")  # of them nothing is proved
             yield found, logged.offset

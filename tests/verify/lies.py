@@ -799,7 +799,7 @@ def crowds(_: Log) -> Iterator[Lie]:
 
     yield Lie("a drone of 5,000 digits", DAMAGE, digits)
     yield Lie("missions that last for centuries", "VRF127", ages)
-    yield Lie("rules of many limits", "VRF203", parts("/show/rules", 0, b"\x62\0"))
+    yield Lie("rules of many limits", DAMAGE, parts("/show/rules", 0, b"\x62\0"))
     yield Lie("a leg of many moves", DAMAGE, parts("/show/segments", 2, b"\x6a\0"))
     many = parts("/drone/0001/trajectory", 2, b"\x42\0")
     yield Lie("a flight found on many meshes", DAMAGE, many)
