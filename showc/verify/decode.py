@@ -83,9 +83,10 @@ def decoding(
     """
     topics = ((n, TOPIC.fullmatch(one.topic)) for n, one in log.channels.items())
     drones = {number: int(match[1]) - 1 for number, match in topics if match}
-    held = int(log.sizes({*drones, *_on(log, SEGMENTS)}).sum())
-    if held > CAPS["held"] + CAPS["packed"] * len(log.view):
-        raise Damage(0, f"flights and segments have {held:,} bytes, far too many")
+    sizes = log.sizes({*drones, *_on(log, SEGMENTS)})
+    large = sizes.max(initial=0) > CAPS["message"]
+    if large or sizes.sum() > CAPS["held"] + CAPS["packed"] * len(log.view):
+        raise Damage(0, f"flights and segments have {sizes.sum():,} bytes, too many")
     rules, epoch = _rules(log)
     messages = _segments(log, rules, epoch)
     end = max(message.start + message.duration for message in messages)
@@ -153,7 +154,7 @@ def _segments(log: LogFile, rules: pb.Rules, epoch: int) -> list[pb.Segment]:
             raise Damage(offset, f"segment {message.name!r} contradicts itself")
         time = epoch + round(Fraction(message.start) * 10**9)
         turn, moves = (message.index, logged.time), moves + len(message.moves)
-        if turn != (len(found), time) or max(len(found), moves) > CAPS["segments"]:
+        if turn != (len(found), time) or max(len(found) + 1, moves) > CAPS["segments"]:
             raise Damage(offset, f"segment {message.name!r} is not in its turn")
         found.append(message)
     if not found:

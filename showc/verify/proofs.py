@@ -128,8 +128,7 @@ def _rooms(
             yield aborts.parts(), aborts.checks
         beside = None if folder is None else Missions(folder, log, show, demands)
         tubes = None if beside is None else beside.tubes
-        samples = Samples(log, show, lights, asked, tubes)
-        yield samples.parts(), join
+        yield Samples(log, show, lights, asked, tubes).parts(), join
         yield [] if beside is None else beside.parts(), chain.from_iterable
     elif missions:
         note = "not looked at: the log is of no script that can be read"

@@ -348,7 +348,7 @@ def test_a_segment_that_says_far_too_much_is_refused(data, tmp_path, many):
             segment.certificate.statistics.update({str(n): 1.0 for n in range(2000)})
 
     content = changed(data, pb.Segment, "/show/segments", 0, change)
-    with pytest.raises(DamagedLogError, match=r"more fields|contradicts itself"):
+    with pytest.raises(DamagedLogError, match=r"too many|contradicts itself"):
         verified(content, tmp_path)
 
 
@@ -389,8 +389,16 @@ def test_flights_far_larger_than_the_log_are_refused(data, tmp_path, monkeypatch
         flight.control[:] = [*flight.control[:4]] * ((CAPS["degree"] + 1) * pieces)
         return flight.SerializeToString(deterministic=True)
 
-    with pytest.raises(DamagedLogError, match="far too many"):
+    with pytest.raises(DamagedLogError, match="too many"):
         verified(rewritten(data, wide), tmp_path)
+
+
+def test_a_flight_larger_than_any_is_refused(data, tmp_path, monkeypatch):
+    sizes = open_log(data).sizes({*open_log(data).channels})
+    assert sizes.max() < CAPS["message"]
+    monkeypatch.setitem(CAPS, "message", 100)
+    with pytest.raises(DamagedLogError, match="too many"):
+        verified(data, tmp_path)
 
 
 def test_flights_of_an_honest_log_are_few_beside_it(data):
