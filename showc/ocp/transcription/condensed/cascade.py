@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from showc.ocp.phase import Phase
+    from showc.ocp.transcription.condensed.lifting import Lifting
 
 Symbol = Any
 """A CasADi ``SX`` scalar."""
@@ -106,16 +107,25 @@ class Composition:
         polynomials: Mapping[str, Coefficients],
         members: Mapping[str, Symbol],
         fractions: Sequence[float],
+        lifting: Lifting | None = None,
     ) -> list[Symbol]:
-        """Values of the expression at ``fractions`` of the interval."""
+        """Values of the expression at ``fractions`` of the interval.
+
+        Those of its members get names of a ``lifting``, if there is one.
+        """
         if not self.members:
             return [self.expression] * len(fractions)
         symbols = casadi.vertcat(*(members[name] for name in self.members))
-        values = [
-            casadi.vertcat(*(value_at(polynomials[n], s) for n in self.members))
-            for s in fractions
+        rows = []
+        for name in self.members:
+            values = [value_at(polynomials[name], s) for s in fractions]
+            if lifting is not None:
+                values = lifting.curve(name, values, fractions)
+            rows.append(values)
+        return [
+            casadi.substitute(self.expression, symbols, casadi.vertcat(*point))
+            for point in zip(*rows, strict=True)
         ]
-        return [casadi.substitute(self.expression, symbols, v) for v in values]
 
     def coefficients(
         self, polynomials: Mapping[str, Coefficients], members: Mapping[str, Symbol]
@@ -214,6 +224,7 @@ class Cascade:
         controls: Mapping[str, Coefficients],
         width: Symbol,
         points: int,
+        lifting: Lifting,
     ) -> dict[str, Coefficients]:
         """Bernstein coefficients of all states and controls on one interval.
 
@@ -227,16 +238,18 @@ class Cascade:
             Duration of the interval.
         points
             Number N of Gauss points for derivatives that are no polynomials.
+        lifting
+            Gets what these derivatives are at the points, and what they depend on.
         """
         known: dict[str, Coefficients] = {n: list(c) for n, c in controls.items()}
         nodes = tuple(float(s) for s in collocation("gauss", points)[0])
         for name in self.order:
             derivative = self.derivatives[name]
-            slope = (
-                derivative.coefficients(known, self.members)
-                if derivative.order is not None and derivative.order <= 1
-                else fit(derivative.at(known, self.members, nodes), nodes)
-            )
+            if derivative.order is not None and derivative.order <= 1:
+                slope = derivative.coefficients(known, self.members)
+            else:
+                values = derivative.at(known, self.members, nodes, lifting)
+                slope = fit(lifting.named(values), nodes)
             step = width / len(slope)
             running = [starts[name]]
             for coefficient in slope:

@@ -11,9 +11,9 @@ what the end costs, and the rows are
 
 L and S picking entries of the unknowns and of the stages' values. So the Jacobian is
 made of ones and of the entries of da/dz, and the Hessian of the Lagrangian with
-multipliers s of f and m of g of those of the matrices d²(s c + (S'm)_k a)/dz²: neither
-has to be derived anew for every stage, and the work of building a program does not grow
-with their number.
+multipliers s of f and m of g of those of the matrices d²(s c + (S'm)_k a)/dz², of which
+the upper triangles are worked out: neither has to be derived anew for every stage, and
+the work of building a program does not grow with their number.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ class Chain:
             casadi.repmat(p, 1, count),
         )
         self._end = w[count * self._size :], p
-        self._write_stage(parameters)
+        self._write_stage()
         self._linear = _ones(layout.picked, (len(layout.rows), self._unknowns))
         flat = layout.places.ravel()
         chosen = np.flatnonzero(flat >= 0)
@@ -146,34 +146,36 @@ class Chain:
         self.program = {"x": w, "p": given, "f": cost, "g": self._rows(values)}
         self.slopes = self._write_slopes()
 
-    def _write_stage(self, parameters: int) -> None:
+    def _write_stage(self) -> None:
         """Write a, c and their derivatives for one stage, and for the end."""
-        stage = self._stage
-        z = casadi.SX.sym("z", self._size)
-        q, p = casadi.SX.sym("q", stage.data), casadi.SX.sym("p", parameters)
+        stage, lifting = self._stage, self._stage.lifting
+        x, u, q, p = stage.variables
+        z = casadi.vertcat(x, u)
         s = casadi.SX.sym("s")
         m = casadi.SX.sym("m", stage.states + len(stage.rows))
-        following, limits, share = stage.function(
-            z[: stage.states], z[stage.states :], q, p
-        )
+        following, limits, share = stage.expressions
         values = casadi.vertcat(-following, limits)
+        curvature, slope = lifting.curvature(s * share + casadi.dot(m, values), z)
+        curvature = casadi.triu(curvature)
+        values, share, slope, bends = lifting.restored(
+            values, share, casadi.densify(slope), _entries(curvature)
+        )
         slopes = casadi.jacobian(values, z)
-        curvature, slope = casadi.hessian(s * share + casadi.dot(m, values), z)
         gradient = casadi.gradient(share, z)
-        at = [z, q, p]
-        self._values = casadi.Function("values", at, [values, share])
-        self._slopes = casadi.Function("slopes", at, [values, _entries(slopes)])
+
+        def written(name: str, given: list[Symbol], *outputs: Symbol) -> Symbol:
+            return casadi.Function(name, [z, q, p, *given], casadi.cse([*outputs]))
+
+        self._values = written("values", [], values, share)
+        self._slopes = written("slopes", [], values, _entries(slopes))
         self._slopes_at = _places(slopes)
-        self._gradient = casadi.Function(
-            "gradient", at, [share, casadi.densify(gradient)]
-        )
-        self._curvature = casadi.Function(
-            "curvature", [*at, s, m], [casadi.densify(slope), _entries(curvature)]
-        )
+        self._gradient = written("gradient", [], share, casadi.densify(gradient))
+        self._curvature = written("curvature", [s, m], slope, bends)
         self._curvature_at = _places(curvature)
         x = casadi.SX.sym("x", stage.states)
         ending = stage.terminal(x, p)
         bend, slope = casadi.hessian(ending, x)
+        bend = casadi.triu(bend)
         outputs = [ending, casadi.densify(slope), _entries(bend)]
         self._ending = casadi.Function("ending", [x, p], outputs)
         self._ending_at = _places(bend)
@@ -245,12 +247,20 @@ class Chain:
             np.concatenate([(first + inner).ravel(), count * self._size + last])
             for inner, last in zip(self._curvature_at, self._ending_at, strict=True)
         )
-        kept = np.flatnonzero(rows <= columns) if triangle else np.arange(rows.size)
+        numbers = np.arange(rows.size)
+        if not triangle:
+            # What is below the diagonal is what is above it.
+            above = np.flatnonzero(rows < columns)
+            numbers = np.append(numbers, above)
+            rows, columns = (
+                np.append(rows, columns[above]),
+                np.append(columns, rows[above]),
+            )
         matrix = _scattered(
             casadi.vertcat(casadi.vec(entries), s * bend),
-            kept,
-            rows[kept],
-            columns[kept],
+            numbers,
+            rows,
+            columns,
             (self._unknowns, self._unknowns),
         )
         names = ["x", "p", "lam_f", "lam_g"]

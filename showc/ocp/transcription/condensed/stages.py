@@ -21,6 +21,7 @@ from showc.ocp.transcription.condensed.cascade import (
     depends_on,
     elevate,
 )
+from showc.ocp.transcription.condensed.lifting import Lifting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,8 +56,12 @@ class Row:
 class Stage:
     """Functions of one interval; all unknowns scaled."""
 
-    function: Any
-    """(x, u, q, p) -> next x, rows, cost; q holds width, signals, half-spaces."""
+    variables: tuple[Symbol, Symbol, Symbol, Symbol]
+    """x, u, q and p; q holds width, signals, half-spaces."""
+    expressions: tuple[Symbol, Symbol, Symbol]
+    """Next x, rows and cost, in these and in the symbols of ``lifting``."""
+    lifting: Lifting
+    """What the collocated derivatives are, by names."""
     coefficients: Any
     """(x, u, q, p) -> all Bernstein coefficients in one row, unscaled."""
     rows: tuple[Row, ...]
@@ -215,9 +220,13 @@ def build_stage(
         used += size
     q = casadi.SX.sym("q", used)
     width = {"given": q[0], "free": q[0] * x[-1], "movable": q[0] * u[-1]}[time]
-    known = cascade.polynomials(starts, controls, width, points)
-
-    reach = _reach(cascade, known, u)
+    lifting = Lifting()
+    known = cascade.polynomials(starts, controls, width, points, lifting)
+    whole = {
+        name: lifting.restored(casadi.vertcat(*known[name]))[0]
+        for name in (*state_names, *control_names)
+    }
+    reach = _reach(cascade, whole, u)
     rows = _limit_rows(phase, known, reach)
     if time == "movable":
         rows.append((u[-1], Row(("width",), 1.0)))
@@ -230,7 +239,7 @@ def build_stage(
     p = casadi.vertcat(*names) if names else casadi.SX(0, 1)
     total = width * _mean(
         Composition.of(cost.running, cascade.members).at(
-            known, cascade.members, [float(s) for s in nodes]
+            known, cascade.members, [float(s) for s in nodes], lifting
         ),
         [problem.parameters[name][0] for name in signals],
         q[signal_slice],
@@ -245,17 +254,19 @@ def build_stage(
     following = [known[n][-1] / state_scales[k] for k, n in enumerate(state_names)]
     if time == "free":
         following.append(x[-1])
-    scaled = [value / row.scale for value, row in rows]
-    flat = [value for n in (*state_names, *control_names) for value in known[n]]
     return Stage(
-        casadi.Function(
-            "stage",
-            [x, u, q, p],
-            [casadi.vertcat(*following), casadi.vertcat(*scaled), total],
+        (x, u, q, p),
+        (
+            casadi.vertcat(*following),
+            casadi.vertcat(*(value / row.scale for value, row in rows)),
+            total,
         ),
-        casadi.Function("coefficients", [x, u, q, p], [casadi.vertcat(*flat)]),
+        lifting,
+        casadi.Function(
+            "coefficients", [x, u, q, p], [casadi.vertcat(*whole.values())]
+        ),
         tuple(row for _, row in rows),
-        {n: len(known[n]) - 1 for n in (*state_names, *control_names)},
+        {name: len(known[name]) - 1 for name in whole},
         state_names,
         tuple(state_scales),
         control_names,
@@ -392,9 +403,7 @@ def _bounded(quantity: Quantity) -> bool:
     )
 
 
-def _reach(
-    cascade: Cascade, known: Mapping[str, list[Symbol]], u: Symbol
-) -> dict[str, int]:
+def _reach(cascade: Cascade, known: Mapping[str, Symbol], u: Symbol) -> dict[str, int]:
     """How many first coefficients of each state no control acts upon.
 
     Where all states are given at an end of the phase, so are these coefficients: rows
@@ -407,8 +416,12 @@ def _reach(
     )
     return {
         name: next(
-            (k for k, c in enumerate(known[name]) if depends_on(c, entries)),
-            len(known[name]),
+            (
+                k
+                for k in range(known[name].numel())
+                if depends_on(known[name][k], entries)
+            ),
+            known[name].numel(),
         )
         if fixed
         else 0
