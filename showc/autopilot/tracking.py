@@ -25,7 +25,7 @@ from showc.autopilot.controller import (
 from showc.processes import side_by_side
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -120,43 +120,85 @@ class Tracks:
         return moment
 
 
-def tracks(
-    flown: Sequence[tuple[float, Stage]],
-    drones: int,
-    parameters: Parameters,
-    jobs: int | None = 1,
-) -> list[Tracks]:
-    """Return the flights along stages, released at mission times [s], in order.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Flown:
+    """A stage that was flown."""
 
-    ``drones`` is the number of all drones of the fleet; they rest before. They are
-    shared among ``jobs`` processes (None: one for each core), which changes nothing.
+    stage: Stage
+    tracks: Tracks
+    after: FloatArray
+    """States of the fleet (STATES, drones) as each drone's next leg begins, seen from
+    where that begins; of a drone that has not flown yet at rest."""
+
+
+class Tracker:
+    """Flies the stages of a fleet, one after the other.
+
+    A stage that was flown before is not flown again as long as it, all before it and
+    the releases after it are the same.
+
+    Parameters
+    ----------
+    drones
+        Number of all drones of the fleet; they rest at first.
+    jobs
+        Processes that share them (None: one for each core), which changes nothing.
     """
-    soonest = np.full(drones, np.inf)
-    untils = []
-    for release, stage in reversed(flown):
-        own = release + stage.wait
-        untils.append(soonest[stage.drones] - own)
-        soonest[stage.drones] = own
-    untils.reverse()
-    blocks = range(0, drones, TOGETHER)
-    found = [
-        _blank(stage, until, shared=len(blocks) > 1)
-        for (_, stage), until in zip(flown, untils, strict=True)
-    ]
 
-    def fly(number: int) -> None:
-        first = blocks[number]
-        carried = states_at_rest(min(TOGETHER, drones - first))
-        for (_, stage), track in zip(flown, found, strict=True):
-            own = stage.drones - first
-            some = np.flatnonzero((own >= 0) & (own < carried.shape[1]))
-            if some.size:
-                flight = _Flight(stage, some, parameters, carried[:, own[some]])
-                carried[:, own[some]] = flight.draw(track)
+    def __init__(
+        self, drones: int, parameters: Parameters, jobs: int | None = 1
+    ) -> None:
+        self._drones, self._parameters, self._jobs = drones, parameters, jobs
+        self._flown: list[_Flown] = []
 
-    # Drones do not know of each other, and what they fly is put where all see it.
-    side_by_side([partial(fly, number) for number in range(len(blocks))], jobs)
-    return found
+    def fly(self, flown: Sequence[tuple[float, Stage]]) -> Iterator[Tracks]:
+        """Yield the flights along stages, released at mission times [s], in order.
+
+        Each is flown when it is asked for.
+        """
+        soonest = np.full(self._drones, np.inf)
+        untils = []
+        for release, stage in reversed(flown):
+            own = release + stage.wait
+            untils.append(soonest[stage.drones] - own)
+            soonest[stage.drones] = own
+        untils.reverse()
+        for number, ((_, stage), until) in enumerate(zip(flown, untils, strict=True)):
+            known = self._flown[number : number + 1]
+            if not any(_alike(one, stage, until) for one in known):
+                before = self._flown[number - 1].after if number else None
+                self._flown[number:] = [self._flight(stage, until, before)]
+            yield self._flown[number].tracks
+
+    def _flight(
+        self, stage: Stage, until: FloatArray, before: FloatArray | None
+    ) -> _Flown:
+        """Fly a stage from the states ``before`` it; None: all rest."""
+        blocks = np.unique(stage.drones // TOGETHER).tolist()
+        shared = len(blocks) > 1
+        track = _blank(stage, until, shared=shared)
+        after = states_at_rest(self._drones) if before is None else before
+        if shared:
+            room = np.frombuffer(mmap(-1, after.nbytes), np.float64)
+            room.reshape(after.shape)[:] = after
+            after = room.reshape(after.shape)
+        else:
+            after = after.copy()
+
+        def fly(block: int) -> None:
+            some = np.flatnonzero(stage.drones // TOGETHER == block)
+            own = stage.drones[some]
+            flight = _Flight(stage, some, self._parameters, after[:, own])
+            after[:, own] = flight.draw(track)
+
+        # Drones do not know of each other, and what they fly is put where all see it.
+        side_by_side([partial(fly, block) for block in blocks], self._jobs)
+        return _Flown(stage, track, after)
+
+
+def _alike(known: _Flown, stage: Stage, until: FloatArray) -> bool:
+    """Whether a stage was flown before, until the same releases."""
+    return known.stage is stage and np.array_equal(known.tracks.until, until)
 
 
 def _steps(stage: Stage, until: FloatArray) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,13 +21,13 @@ from showc.autopilot.timing import (
     LIFT_OFF,
     Timing,
 )
-from showc.autopilot.tracking import tracks
+from showc.autopilot.tracking import Tracker
 from showc.errors import ExportError
 from showc.processes import side_by_side
 from showc.schedule.encodings import Encoding, choose_encoding
 from showc.schedule.landings import landings_meet
 from showc.schedule.releases import STEP
-from showc.schedule.separation import Motion, closest_encounter
+from showc.schedule.separation import closest_encounter
 from showc.schedule.surroundings import Surroundings, stage_motion, tick
 from showc.schedule.timeline import UNSURE, ScheduledLeg, Timeline
 from showc.schedule.tubes import BESIDE, off_end, room_used
@@ -68,8 +69,7 @@ MOST_ADJUSTED = 4
 """So often is a release adjusted to what the move that is flown takes."""
 
 MOST_REVISIONS = 12
-"""So often are drones slowed, or given longer to settle; once or twice is enough for
-most."""
+"""Revisions of one move at most; once or twice is enough for most."""
 
 
 def build_timeline(
@@ -106,6 +106,7 @@ class _Layout:
         self.show = show
         self.course = course
         self.moves = [move for step in course.steps for move in step.moves]
+        self.number = {id(move): number for number, move in enumerate(self.moves)}
         self.builder = builder
         self.progress = progress
         self.jobs = jobs
@@ -179,32 +180,53 @@ class _Layout:
         ExportError
             If a leg cannot be kept apart, or is left however slowly it is flown.
         """
-        encodings: dict[int, Encoding] = {}
-        some = list(range(len(self.moves)))
-        for _ in range(MOST_REVISIONS):
-            encodings |= self._encodings(some)
-            legs = self._tracked(self._on_clock(encodings, climbed))
-            some = self._revised(legs)
+        encodings = self._encodings(list(range(len(self.moves))))
+        tracker = Tracker(self.show.drones, self.builder.parameters, self.jobs)
+        revisions = np.zeros(len(self.moves), dtype=np.int64)
+        while True:
+            legs, some = self._tracked(self._on_clock(encodings, climbed), tracker)
             if not some:
                 return legs
+            revisions[some] += 1
+            if revisions.max() == MOST_REVISIONS:
+                raise ExportError(
+                    f"{self.moves[int(revisions.argmax())].leg.name}: drones leave "
+                    f"their lines by more than {BESIDE:g} m, slowed down "
+                    f"{MOST_REVISIONS} times; fly the show with `showc stream`"
+                )
             self.progress.stage("slowing legs on which drones overshoot", len(some))
-        raise ExportError(
-            f"{self.moves[some[0]].leg.name}: drones leave their lines by more than "
-            f"{BESIDE:g} m, slowed down {MOST_REVISIONS} times; fly the show with "
-            "`showc stream`"
-        )
+            encodings |= self._encodings(some)
+
+    def _tracked(
+        self, legs: list[ScheduledLeg], tracker: Tracker
+    ) -> tuple[list[ScheduledLeg], list[int]]:
+        """Add how drones are likely to fly ``legs``, up to those that are revised.
+
+        What follows these begins otherwise once they are flown otherwise. Returned are
+        the legs so far, and the moves that were revised, in order.
+        """
+        tracks = tracker.fly([part for leg in legs for part in leg.flown])
+        found: list[ScheduledLeg] = []
+        for _, step in groupby(legs, lambda leg: self.first[self.number[id(leg.move)]]):
+            flown = [
+                replace(leg, tracks=tuple(next(tracks) for _ in leg.releases))
+                for leg in step
+            ]
+            found += flown
+            if some := self._revised(flown):
+                return found, some
+        return found, []
 
     def _revised(self, legs: list[ScheduledLeg]) -> list[int]:
         """Slow drones that leave their lines, and let those settle that begin beside.
 
         Returns the moves that are flown otherwise then, in order.
         """
-        number = {id(move): number for number, move in enumerate(self.moves)}
         found, pauses = set(), self.pauses.copy()
         # What a drone begins a leg with, its speed there does not change.
         unsettled = np.zeros(self.show.drones, dtype=np.bool_)
         for leg in legs:
-            move = number[id(leg.move)]
+            move = self.number[id(leg.move)]
             for _, stage, track in leg.tracked:
                 used = room_used(stage, track, self.timing)
                 over = np.flatnonzero((used > FULL) & ~unsettled[stage.drones])
@@ -216,15 +238,13 @@ class _Layout:
                 off = off_end(track) / BESIDE
                 unsettled[stage.drones] = off > FULL
                 if unsettled[stage.drones].any():
-                    longer = self.pauses[move] + self._settling(off.max())
+                    # What drones are off their ends fades at the gain of places.
+                    rate = self.builder.parameters.gains.place
+                    longer = self.pauses[move] + np.log(off.max() / SLOWER) / rate
                     pauses[move] = max(pauses[move], longer)
         found |= set(np.flatnonzero(pauses > self.pauses).tolist())
         self.pauses = pauses
         return sorted(found)
-
-    def _settling(self, used: float) -> float:
-        """Time [s] in which a drone has settled that uses so much of its room."""
-        return float(np.log(used / SLOWER)) / self.builder.parameters.gains.place
 
     def _on_clock(
         self, encodings: dict[int, Encoding], climbed: float
@@ -412,17 +432,6 @@ class _Layout:
         builder = replace(self.builder, fastest=self.fastest[number])
         return choose_encoding(move.leg, move.flight, builder, around)
 
-    def _tracked(self, legs: list[ScheduledLeg]) -> list[ScheduledLeg]:
-        """Add how the drones are likely to fly ``legs``, each drone's in order."""
-        flown = [part for leg in legs for part in leg.flown]
-        every = iter(
-            tracks(flown, self.show.drones, self.builder.parameters, self.jobs)
-        )
-        return [
-            replace(leg, tracks=tuple(next(every) for _ in leg.releases))
-            for leg in legs
-        ]
-
     def _launch(
         self, leg: Leg, pads: FloatArray
     ) -> tuple[Stage, Stage, Encounter | None]:
@@ -443,10 +452,9 @@ class _Layout:
         """Nearest encounter of a stage that may be flown at any time."""
         show = self.show
         around = Surroundings(positions, show.separation, show.site, ANYTIME)
-        motion = stage_motion(stage, positions, ANYTIME)
-        found = closest_encounter(
-            _at_rest(motion), self.show.separation, enough=around.required
-        )
+        # A motion that may happen at any time is looked at for one instant.
+        motion = replace(stage_motion(stage, positions, ANYTIME), window=(0.0, 1.0))
+        found = closest_encounter(motion, show.separation, enough=around.required)
         if found is not None and found.distance < around.required:
             raise ExportError(
                 f"{name}: drones {found.drone_a + 1} and {found.drone_b + 1} could "
@@ -490,8 +498,3 @@ def _seen_among(
         closest = replace(closest, time=closest.time - first)
     none = (None,) * (len(leg.releases) - 1)
     return replace(leg, encoding=replace(leg.encoding, closest=(closest, *none)))
-
-
-def _at_rest(motion: Motion) -> Motion:
-    """Narrow the window of a motion that may happen at any time to one instant."""
-    return replace(motion, window=(0.0, 1.0))

@@ -13,10 +13,14 @@ from showc.autopilot.following import SETTLING, law_time, leg_overshoot
 from showc.autopilot.parameters import Parameters
 from showc.autopilot.s_curve import fitting_speed, leg_limits, profile, speed_for
 from showc.autopilot.stage import Stage
-from showc.autopilot.tracking import TAIL, tracks
+from showc.autopilot.tracking import TAIL, Tracker
 
 TUNED = Parameters()
 STOCK = replace(TUNED, acceleration=2.5, jerk=1.0)
+
+
+def tracks(flown, drones, parameters, jobs=1):
+    return list(Tracker(drones, parameters, jobs).fly(flown))
 
 
 def stage_of(ways, speeds, parameters=TUNED, drones=None):
@@ -225,6 +229,35 @@ def test_who_flies_whom_changes_nothing(monkeypatch):
             np.testing.assert_array_equal(one, other)
     for one, other in zip(alone, whole, strict=True):
         same_flights(one, other, np.arange(11)[: one.until.size])
+
+
+def test_what_is_flown_again_is_what_a_fresh_tracker_flies(monkeypatch):
+    random = np.random.default_rng(2)
+    stages = [
+        stage_of(random.uniform(-20.0, 20.0, (3, 3)), random.uniform(2.0, 8.0, 3))
+        for _ in range(4)
+    ]
+    flown = [(12.0 * number, stage) for number, stage in enumerate(stages)]
+    drawn = []
+    draw = tracking._Flight.draw
+    monkeypatch.setattr(
+        tracking._Flight, "draw", lambda *given: drawn.append(0) or draw(*given)
+    )
+    tracker = Tracker(3, TUNED)
+    first = list(tracker.fly(flown))
+    again = list(tracker.fly(flown))
+    assert len(drawn) == len(flown)
+    assert all(one is other for one, other in zip(first, again, strict=True))
+    # With another third stage the second ends at another release.
+    later = stages[2].waiting(np.full(3, 0.1))
+    changed = [*flown[:2], (24.0, later), flown[3]]
+    found = list(tracker.fly(changed))
+    assert len(drawn) == len(flown) + 3
+    assert found[0] is first[0]
+    assert not np.array_equal(found[1].until, first[1].until)
+    wanted = tracks(changed, 3, TUNED)
+    for one, other in zip(as_arrays(found), as_arrays(wanted), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_each_drone_flies_as_if_it_were_alone():
