@@ -7,7 +7,7 @@ from fleet.handmade import LIMITS, VEHICLE
 from showc.fleet.shared_profile.synchronise import best_profile
 from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.avoiding import SLOTS, Passage, avoid
-from showc.fleet.single_drone.common_time import OPTIMAL, fly_near
+from showc.fleet.single_drone.common_time import OPTIMAL, Known, fly_near
 from showc.fleet.single_drone.convex_program import WALL_DEGREE, Walls
 from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.replay import replay
@@ -94,9 +94,8 @@ def test_of_more_walls_than_count_the_farthest_ones_are_left_out():
 def test_a_moment_too_much_is_hovered_away():
     least = minimum_time(CRAFT, START, GOAL)
     duration = np.ceil(1000.0 * least.duration) / 1000.0
-    kind, flight, _ = fly_near(
-        CRAFT, START, GOAL, profile(duration), INTERVALS, least.trajectory
-    )
+    known = Known(least.trajectory)
+    kind, flight, _ = fly_near(CRAFT, START, GOAL, profile(duration), INTERVALS, known)
     assert kind == OPTIMAL
     assert_flies(flight, duration)
     assert flight.state.intervals == least.trajectory.state.intervals + 1

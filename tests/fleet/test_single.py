@@ -16,6 +16,7 @@ from showc.fleet.single_drone.following import follow, hover
 from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.replay import replay
 from showc.fleet.single_drone.shortest import minimum_time
+from showc.fleet.single_drone.symmetry import image
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle import PRESETS
 from showc.vehicle.flatness import state_in_motion
@@ -161,6 +162,24 @@ def test_least_time_straight_up_is_the_closed_form():
     result = minimum_time(HELD, ABOVE, ABOVE + [0.0, 0.0, 10.0])
     assert result.solved
     assert exact < result.duration < 1.001 * exact
+
+
+def test_a_flight_of_a_similar_move_is_a_start_for_the_least_time():
+    way, other = np.array([30.0, 4.0, 3.0]), np.array([-28.0, 7.0, 4.0])
+    # The other way round along x: its mirror image is near.
+    known = minimum_time(HELD, ABOVE, ABOVE + other).trajectory
+    signs = np.array([-1.0, 1.0, 1.0])
+    like = image(HELD, known, signs, np.zeros(3), way)
+    alone = minimum_time(HELD, ABOVE, ABOVE + way)
+    enough = 1.002 * alone.duration
+    found = minimum_time(HELD, ABOVE, ABOVE + way, like=like, enough=enough)
+    assert found.solved and found.solves == 1 < alone.solves
+    assert 0.999 * alone.duration < found.duration <= enough
+    check(HELD, found.trajectory, ABOVE, ABOVE + way, found.duration)
+    # What is not near, or has other intervals, costs no answer.
+    for start in (known, minimum_time(HELD, ABOVE, ABOVE + [0.5, 0.0, 0.0]).trajectory):
+        least = minimum_time(HELD, ABOVE, ABOVE + way, like=start).duration
+        assert least == pytest.approx(alone.duration, rel=1e-3)
 
 
 def test_moves_of_no_length_take_no_time_and_hovers_are_exact():

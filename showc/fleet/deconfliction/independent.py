@@ -18,6 +18,7 @@ from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.common_time import (
     OPTIMAL,
     STRAIGHT,
+    Known,
     fly_near,
     fly_smoothly,
 )
@@ -28,7 +29,7 @@ from showc.fleet.single_drone.symmetry import image, kinds
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from showc.arrays import IntArray
+    from showc.arrays import FloatArray, IntArray
     from showc.fleet.deconfliction.flights import Flights, Work
     from showc.fleet.shared_profile.profile import Profile
     from showc.fleet.single_drone.common_time import Outcome
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 
 _FEW = 32
 """Kinds of moves below which it is building programs that takes the time."""
+_LIKE = 0.5
+"""Difference of two displacements, over the one that is flown, up to which the other's
+flight is a start for it: 34 of 36 such searches took less time, by a half."""
 
 
 class Independent:
@@ -123,22 +127,23 @@ class Independent:
         ]
         # With a few kinds of move it is building programs that takes the time.
         self.built = len(groups) < _FEW and len(flights.conflicts()) > 0
-        if not self._near([group[0] for group in groups]):
+        turned = stands, signs
+        if not self._near([group[0] for group in groups], turned):
             return False
         broken = []
         for first, *others in groups:
             for row in others:
-                turned = signs[row] * signs[first]
+                mirror = signs[row] * signs[first]
                 copied = image(
-                    self.aircraft, flights.flown[first], turned, start[row], goal[row]
+                    self.aircraft, flights.flown[first], mirror, start[row], goal[row]
                 )
                 flights.take(row, flights.kind[first], copied)
                 if greatest_excess(self.aircraft, copied).relative > KEPT:
                     broken.append(row)
-        return self._near(broken)
+        return self._near(broken, turned)
 
-    def _near(self, rows: list[int]) -> bool:
-        """Fly drones near the profile."""
+    def _near(self, rows: list[int], turned: tuple[FloatArray, FloatArray]) -> bool:
+        """Fly drones near the profile; ``turned`` is what :func:`kinds` returns."""
         tasks = [
             (
                 self.aircraft,
@@ -146,13 +151,34 @@ class Independent:
                 self.move.goal[row],
                 self.flights.reference,
                 self.flights.intervals,
-                self.shortest.get(row),
-                self.built,
+                Known(self.shortest.get(row), self._like(row, *turned), self.built),
             )
             for row in rows
         ]
         name, title = "solves_without_slack", "drones without slack"
         return self._taken(rows, self.work.solve(name, fly_near, tasks, title))
+
+    def _like(
+        self, row: int, stands: FloatArray, signs: FloatArray
+    ) -> Trajectory | None:
+        """Return the known flight of least time that is nearest to a drone's move.
+
+        It is mirrored as that move is, and begins at the origin.
+        """
+        others = np.array(sorted(self.shortest), dtype=np.int64)
+        if row in self.shortest or not others.size:
+            return None
+        away = np.linalg.norm(stands[others] - stands[row], axis=1)
+        if away.min() > _LIKE * np.linalg.norm(stands[row]):
+            return None
+        nearest = int(others[away.argmin()])
+        return image(
+            self.aircraft,
+            self.shortest[nearest],
+            signs[row] * signs[nearest],
+            np.zeros(3),
+            self.move.goal[row] - self.move.start[row],
+        )
 
     def _taken(self, rows: list[int], results: list[Outcome]) -> bool:
         """Take flights of drones; False where there is none."""

@@ -7,6 +7,8 @@ optimal control does the work.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,34 +35,41 @@ Outcome = tuple[str, Trajectory | None, str]
 """How a drone is flown, its flight if there is one, why not if there is none."""
 
 
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known of a drone's flight before it is looked for."""
+
+    shortest: Trajectory | None = None
+    """Its flight in least time: then it is one of the slowest. Splines are not supple
+    enough for these, and not tried."""
+    like: Trajectory | None = None
+    """A flight in least time with a nearly equal displacement, from the origin."""
+    bending: bool = False
+    """Whether drones will have to be bent afterwards: then the program for it is used
+    here already, so that all processes build it at the same time."""
+
+
 def fly_near(  # noqa: PLR0917 - tasks of workers are tuples
     aircraft: Aircraft,
     start: FloatArray,
     goal: FloatArray,
     reference: PiecewisePolynomial,
     intervals: int,
-    shortest: Trajectory | None = None,
-    bending: bool = False,  # noqa: FBT001, FBT002 - as above
+    known: Known,
 ) -> Outcome:
-    """Fly one drone as near as can be to the shared profile on its straight line.
-
-    Parameters
-    ----------
-    shortest
-        Its flight in least time, if it is known: then it is one of the slowest, for
-        which splines are not supple enough, and they are not tried.
-    bending
-        Whether drones will have to be bent afterwards: then the program for it is used
-        here already, so that all processes build it at the same time.
-    """
+    """Fly one drone as near as can be to the shared profile on its straight line."""
     duration, straight = reference.end, reference.components == 1
-    if shortest is None and not bending:
+    shortest = known.shortest
+    quick = partial(
+        minimum_time, aircraft, start, goal, like=known.like, enough=duration
+    )
+    if shortest is None and not known.bending:
         found = follow_spline(aircraft, start, goal, reference, intervals)
         if found is not None:
             return SPLINE, found.flight.trajectory(0), ""
         if straight:
             # Too slow for splines, it is often nearly the slowest.
-            shortest = minimum_time(aircraft, start, goal).trajectory
+            shortest = quick().trajectory
     if shortest is not None and _nearly(shortest.state.end, duration):
         return OPTIMAL, lingering(aircraft, shortest, goal, duration), ""
     flight = avoid(aircraft, start, goal, reference, shortest=shortest)
@@ -70,7 +79,7 @@ def fly_near(  # noqa: PLR0917 - tasks of workers are tuples
         return OPTIMAL, None, "no flight near the way was found"
     if shortest is None:
         # With so little time that its least is worth knowing.
-        shortest = minimum_time(aircraft, start, goal).trajectory
+        shortest = quick().trajectory
         if shortest is not None and _nearly(shortest.state.end, duration):
             return OPTIMAL, lingering(aircraft, shortest, goal, duration), ""
     result = follow(

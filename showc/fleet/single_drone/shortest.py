@@ -8,7 +8,7 @@ other by what the last one loses.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.single_drone.assembly import trajectory_of
 from showc.fleet.single_drone.grading import Kept, solve_on_graded_meshes
-from showc.fleet.single_drone.guess import flat_guess
+from showc.fleet.single_drone.guess import flat_guess, flown_guess
 from showc.fleet.single_drone.intervals import (
     END_GRADING,
     graded_widths,
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from showc.arrays import FloatArray
     from showc.fleet.single_drone.model import Aircraft
     from showc.fleet.single_drone.result import Result
+    from showc.flight import Trajectory
     from showc.ocp.guess import Guess
     from showc.ocp.solution import Solution
 
@@ -77,6 +78,8 @@ def minimum_time(
     goal: FloatArray,
     *,
     tolerance: float = 1e-3,
+    like: Trajectory | None = None,
+    enough: float = 0.0,
 ) -> Result:
     """Fly from end to end in the least time.
 
@@ -87,12 +90,17 @@ def minimum_time(
     tolerance
         Relative error of the time that is good enough; decides how fine the mesh
         becomes.
+    like
+        A flight in the least time with a nearly equal displacement, to start from.
+    enough
+        A time [s] that is as good as the least: the search ends with a flight that
+        takes no longer.
 
     Returns
     -------
     Result
-        Its duration is the least time, not rounded. A move of no length takes no
-        time and has no trajectory.
+        Its duration is the least time, not rounded, or at most ``enough``. A move of no
+        length takes no time and has no trajectory.
     """
     start, goal = aircraft.end(start), aircraft.end(goal)
     # From the origin: drones that make the same move make it in the same way.
@@ -111,7 +119,8 @@ def minimum_time(
         )
         return judge(aircraft, flight)
 
-    attempts = _attempts(programs, here, there, tolerance)
+    goals = _Goals(tolerance, enough)
+    attempts = _attempts(programs, here, there, goals, like)
     verdict = refine(Flights(programs, attempts, judged)) or Verdict("infeasible")
     return verdict.result(programs)
 
@@ -127,8 +136,22 @@ def _moved(aircraft: Aircraft, by: FloatArray) -> Aircraft:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _Goals:
+    """When a flight is good enough."""
+
+    tolerance: float
+    """Relative error of the least time."""
+    enough: float
+    """Time that is as good as the least [s]."""
+
+
 def _attempts(
-    programs: Programs, here: FloatArray, way: FloatArray, tolerance: float
+    programs: Programs,
+    here: FloatArray,
+    way: FloatArray,
+    goals: _Goals,
+    like: Trajectory | None,
 ) -> Iterator[Solution]:
     """Flights in the least time, the quickest way of finding one first.
 
@@ -136,7 +159,7 @@ def _attempts(
     every move; with yaw free they mostly do not. Graded meshes do either way, and as
     closely as wanted; more points make the flight more accurate.
     """
-    aircraft = programs.aircraft
+    aircraft, tolerance = programs.aircraft, goals.tolerance
     estimate = float(minimum_time_estimate(aircraft, here[None], way[None])[1][0])
     if estimate < ON_THE_SPOT:
         estimate, tolerance = ON_THE_SPOT, max(tolerance, CLOSE_ON_THE_SPOT)
@@ -148,12 +171,16 @@ def _attempts(
     if aircraft.yaw == "held" and tolerance >= CLOSE:
         count = interval_count(estimate, INTERVALS)
         widths = graded_widths(SPARE * estimate, count, END_GRADING)
-        guess = flat_guess(aircraft, here, way, widths)
+        starts = [(widths, flat_guess(aircraft, here, way, widths))]
+        if like is not None and like.state.intervals == count:
+            widths = np.diff(like.state.breaks)
+            starts.insert(0, (widths, flown_guess(aircraft, like, widths)))
         for room in ROOMS if limited else ROOMS[:1]:
             programs.leave(room)
-            solution = _moving(programs, widths, guess, effort, tolerance)
-            if solution is not None:
-                yield solution
+            for widths, guess in starts:
+                solution = _moving(programs, widths, guess, effort, goals)
+                if solution is not None:
+                    yield solution
     for kept in GRADED:
         yield solve_on_graded_meshes(
             programs,
@@ -171,7 +198,7 @@ def _moving(
     widths: FloatArray,
     guess: Guess | Solution,
     effort: float,
-    tolerance: float,
+    goals: _Goals,
 ) -> Solution | None:
     """Least time on a number of intervals whose borders move; ``None`` if it fails.
 
@@ -187,7 +214,9 @@ def _moving(
         if not moved.result.usable:
             break
         gain = 1.0 - moved.duration / float(widths.sum())
-        if best is not None and abs(gain) < SETTLED * tolerance:
+        if moved.duration <= goals.enough:
+            return moved
+        if best is not None and abs(gain) < SETTLED * goals.tolerance:
             return min(best, moved, key=lambda flight: flight.duration)
         best, widths, guess = moved, moved.phases[0].widths, moved
     return None
