@@ -172,13 +172,10 @@ class Independent:
         if away.min() > _LIKE * np.linalg.norm(stands[row]):
             return None
         nearest = int(others[away.argmin()])
-        return image(
-            self.aircraft,
-            self.shortest[nearest],
-            signs[row] * signs[nearest],
-            np.zeros(3),
-            self.move.goal[row] - self.move.start[row],
-        )
+        mirror = signs[row] * signs[nearest]
+        way = mirror * (self.move.goal[nearest] - self.move.start[nearest])
+        flight = self.shortest[nearest]
+        return image(self.aircraft, flight, mirror, np.zeros(3), way)
 
     def _taken(self, rows: list[int], results: list[Outcome]) -> bool:
         """Take flights of drones; False where there is none."""
