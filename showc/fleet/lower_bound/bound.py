@@ -169,6 +169,7 @@ def lower_bound(  # noqa: PLR0917 - tasks of workers are tuples
     guess: float,
     rounds: int = 8,
     ends: FloatArray = HOVERS,
+    beyond: bool = False,  # noqa: FBT001, FBT002 - as above
 ) -> DualWitness:
     """Prove that ``displacement`` takes at least some time.
 
@@ -184,6 +185,9 @@ def lower_bound(  # noqa: PLR0917 - tasks of workers are tuples
         Linear programs solved at most.
     ends
         States at the start and at the goal, shape (2, 12 or more).
+    beyond
+        Whether only a bound beyond the guess is of use. The search ends with the first
+        program if that makes the whole move in it: no greater bound is there then.
 
     Returns
     -------
@@ -199,7 +203,7 @@ def lower_bound(  # noqa: PLR0917 - tasks of workers are tuples
         found = move.multipliers(time, knots_of(relaxation, time, _INTERVALS))
         return _ProofOfOne(time, relaxation, displacement, ends, found)
 
-    longest, found = greatest_proved(proof, guess, rounds)
+    longest, found = greatest_proved(proof, guess, rounds, sooner=not beyond)
     beta, knots = found.by.beta, found.by.knots
     multipliers = _stretched(found.by.at_knots, longest / found.time)
     return DualWitness(
@@ -255,6 +259,8 @@ def greatest_proved(
     guess: float,
     rounds: int,
     resolution: float = _RESOLUTION,
+    *,
+    sooner: bool = True,
 ) -> tuple[float, P]:
     """Prove the greatest time impossible, from program to program.
 
@@ -268,6 +274,8 @@ def greatest_proved(
         Programs solved at most.
     resolution
         To what the time is found [s].
+    sooner
+        Whether times below the guess are tried as well.
 
     Returns
     -------
@@ -280,6 +288,7 @@ def greatest_proved(
     for number in range(rounds):
         found = proof(time)
         last = number == rounds - 1 or abs(found.reach - 1.0) < _NEAR
+        last |= not sooner and found.reach >= 1.0
         if last or abs(found.reach - 1.0) < _WORTH_A_PROOF:
             longest = _longest(found, resolution)
             if best is None or longest > best[0]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.fleet.lower_bound.bound import lower_bound
-from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.lower_bound.relaxation import HOVERS, Relaxation
 from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.shared_profile.synchronise import ROUGHLY, SHAPES, least_times
 from showc.fleet.single_drone.shortest import minimum_time
@@ -103,24 +103,21 @@ def limiting_time(
         aircraft.vehicle, aircraft.limits, aircraft.yaw, aircraft.heading
     )
 
-    def bounded(chosen: IntArray) -> list[DualWitness]:
+    def bounded(chosen: IntArray, least: float) -> list[DualWitness]:
+        """Prove bounds, as great as can be where they are beyond the ``least`` [s]."""
         progress.stage(f"{name}: lower bounds", chosen.size)
-        return workers.run(
-            lower_bound,
-            [
-                (
-                    relaxation,
-                    int(rows[index]),
-                    displacement[rows[index]],
-                    _guess(relaxation, displacement[rows[index]]),
-                )
-                for index in chosen
-            ],
-            progress.advance,
-        )
+        tasks = []
+        for row in rows[chosen].tolist():
+            guess = least or _guess(relaxation, displacement[row])
+            move = relaxation, row, displacement[row], guess
+            tasks.append((*move, _ROUNDS, HOVERS, least > 0.0))
+        return workers.run(lower_bound, tasks, progress.advance)
 
     candidates = _candidates(aircraft, distinct, straight)
-    witnesses = bounded(candidates)
+    candidates = candidates[np.argsort(-straight[candidates], kind="stable")]
+    # The first has the longest straight flight: few of the others take longer.
+    witnesses = bounded(candidates[:1], 0.0)
+    witnesses += bounded(candidates[1:], witnesses[0].time)
     greatest = max(witness.time for witness in witnesses)
     rest = np.empty(0, dtype=np.int64)
     if solve:
@@ -128,7 +125,7 @@ def limiting_time(
         rest = _corners(aircraft, distinct, np.setdiff1d(slower, candidates))
     if rest.size:
         candidates = np.concatenate([candidates, rest])
-        witnesses += bounded(rest)
+        witnesses += bounded(rest, greatest)
     proved = np.array([witness.time for witness in witnesses])
     order = np.lexsort((candidates, -proved))
     near = proved[order] > proved[order[0]] * (1.0 - _SCATTER)
