@@ -209,7 +209,8 @@ class Search:
             time = whole_milliseconds(least * (1.0 + gap))
             if best is not None and (time >= best.duration or self.spent):
                 break
-            repair = self.at(time, self.ways, most=self._most(gap))
+            most = self._most(gap)
+            repair = self.at(time, self.ways, most=most)
             if repair.done:
                 best = repair
                 break
@@ -224,7 +225,8 @@ class Search:
                 least = max(least, limiting.time)
                 continue
             longest = self._longest(least) if longest is None else longest
-            if best is None and not self._drafts_on(gap):
+            # A time that is passed over tells nothing; that flight takes long to find.
+            if best is None and most == np.inf and not self._drafts_on(gap):
                 best = self.surely()
             if best is None and gap >= longest:
                 raise self._parted(time, limiting, repair.trouble)
