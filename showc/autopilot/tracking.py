@@ -164,8 +164,8 @@ class Tracker:
             soonest[stage.drones] = own
         untils.reverse()
         for number, ((_, stage), until) in enumerate(zip(flown, untils, strict=True)):
-            known = self._flown[number : number + 1]
-            if not any(_alike(one, stage, until) for one in known):
+            known = number < len(self._flown)
+            if not known or not _alike(self._flown[number], stage, until):
                 before = self._flown[number - 1].after if number else None
                 self._flown[number:] = [self._flight(stage, until, before)]
             yield self._flown[number].tracks

@@ -225,7 +225,8 @@ class Search:
                 least = max(least, limiting.time)
                 continue
             longest = self._longest(least) if longest is None else longest
-            # A time that is passed over tells nothing; that flight takes long to find.
+            # That flight takes long to find: after a time near the least, of which
+            # little is expected, another comes first.
             if best is None and most == np.inf and not self._drafts_on(gap):
                 best = self.surely()
             if best is None and gap >= longest:

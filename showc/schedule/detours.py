@@ -97,6 +97,9 @@ BEARINGS = 40
 SLOPES = tuple(0.1 * step for step in range(16))
 """Level over vertical part of ways up and down."""
 
+ABOUT = 64
+"""Nearest drones, of which ways are kept clear first."""
+
 
 def hops(
     leg: Leg,
@@ -174,7 +177,9 @@ def _who_hops(gaps: Gaps, ways: _Ways, blocked: set[int]) -> IntArray | None:
     """
     before, hopeless = gaps.order(), gaps.hopeless()
     chosen = set(blocked)
-    if any(ways.of(drone) is None for drone in chosen):
+    # Of each of these groups one drone has to hop.
+    groups = [*((drone,) for drone in sorted(blocked)), *hopeless]
+    if not all(any(map(ways.of, group)) for group in groups):
         return None
 
     def take(counts: Mapping[int, int]) -> bool:
@@ -221,13 +226,12 @@ class _Ways:
         self.top = top
         self.found: dict[int, tuple[FloatArray, FloatArray] | None] = {}
         angle = np.arange(BEARINGS) * 2.0 * np.pi / BEARINGS
-        self.all = np.array(
-            [
-                (slope * np.cos(turn), slope * np.sin(turn))
-                for slope in SLOPES
-                for turn in (angle if slope else angle[:1])
-            ]
-        )
+        # Those of one slope together, the steepest first.
+        self.all = [
+            slope * np.column_stack([np.cos(turns), np.sin(turns)])
+            for slope in SLOPES
+            for turns in (angle if slope else angle[:1],)
+        ]
 
     def of(self, row: int) -> tuple[FloatArray, FloatArray] | None:
         """Level over vertical part (2,) of the ways up and down of a stage's drone."""
@@ -242,10 +246,18 @@ class _Ways:
         needed = separation.distance + MARGIN
         own = places[self.drones[row]]
         rest = np.delete(places, self.drones[row], axis=0)
-        begin = np.broadcast_to(own, rest.shape)
+        # Hardly a way that is barred gets past the drones about it.
+        rest = rest[np.argsort(np.linalg.norm(rest - own, axis=1), kind="stable")]
         rise = self.top + needed - own[2]
-        for way in self.all:
-            end = begin + rise * np.array([*way, 1.0])
-            if point_distance(rest, (begin, end), separation).min() >= needed:
-                return np.asarray(way)
+        for ways in self.all:
+            clear = ways
+            for others in (rest[:ABOUT], rest[ABOUT:]):
+                ends = own + rise * np.column_stack([clear, np.ones(len(clear))])
+                end = np.repeat(ends, len(others), axis=0)
+                line = np.broadcast_to(own, end.shape), end
+                near = point_distance(np.tile(others, (len(ends), 1)), line, separation)
+                apart = near.reshape(len(ends), len(others)) >= needed
+                clear = clear[apart.all(axis=1)]
+            if len(clear):
+                return np.asarray(clear[0])
         return None

@@ -5,6 +5,7 @@ import pytest
 from fleet.handmade import LIMITS, VEHICLE
 
 from showc.fleet.shared_profile.synchronise import best_profile
+from showc.fleet.single_drone import common_time
 from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.avoiding import SLOTS, Passage, avoid
 from showc.fleet.single_drone.common_time import OPTIMAL, Known, fly_near
@@ -103,3 +104,34 @@ def test_a_moment_too_much_is_hovered_away():
     # Every coefficient of the last interval, so that it hovers at all its instants.
     assert np.all(flight.state.coefficients[-1, :, :3] == GOAL)
     assert flight.control(at) == pytest.approx(VEHICLE.hover_control(), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("way", "more", "splines"),
+    [
+        ((20.0, 5.0, 0.0), 1.005, 0),
+        ((20.0, 5.0, 0.0), 1.08, 1),
+        # What leans little may be quick, so that a climb is always tried.
+        ((3.0, 2.0, 15.0), 1.005, 1),
+    ],
+)
+def test_splines_are_left_out_of_level_moves_that_leave_no_time_for_them(
+    monkeypatch, way, more, splines
+):
+    way = np.array(way)
+    goal = START + way
+    like = minimum_time(CRAFT, np.zeros(3), way + [0.2, 0.0, 0.0]).trajectory
+    duration = more * minimum_time(CRAFT, START, goal).duration
+    shared, _ = best_profile(VEHICLE, LIMITS, 0.0, way[None], duration)
+    follow, tried = common_time.follow_spline, []
+
+    def counting(*task):
+        tried.append(task)
+        return follow(*task)
+
+    monkeypatch.setattr(common_time, "follow_spline", counting)
+    task = CRAFT, START, goal, shared.derivatives()[0], INTERVALS, Known(like=like)
+    _, flight, _ = fly_near(*task)
+    assert len(tried) == splines
+    assert flight.state.end == duration
+    assert np.array_equal(flight.state(duration)[:3], goal)

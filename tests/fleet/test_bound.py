@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from showc.fleet.lower_bound import bound
 from showc.fleet.lower_bound.bound import lower_bound, surplus
 from showc.fleet.lower_bound.relaxation import Relaxation
+from showc.fleet.lower_bound.relaxed_move import RelaxedMove
 from showc.fleet.shared_profile.straight import fly_straight
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.model import Aircraft
@@ -179,3 +180,33 @@ def test_slower_aircraft_have_longer_bounds():
         )
     ]
     assert times[0] < times[1] < times[2]
+
+
+@pytest.mark.parametrize("way", [(30.0, 20.0, 10.0), (12.0, 3.0, -4.0)])
+def test_of_a_move_made_in_the_guess_one_program_is_enough_beyond_it(way, monkeypatch):
+    model, way = relaxation(), np.array(way)
+    least = lower_bound(model, 0, way, 7.0).time
+    solve, solved = RelaxedMove.multipliers, []
+
+    def counting(move, time, knots):
+        solved.append(time)
+        return solve(move, time, knots)
+
+    monkeypatch.setattr(RelaxedMove, "multipliers", counting)
+
+    def bounded(guess, *, beyond):
+        solved.clear()
+        time = lower_bound(model, 0, way, guess, beyond=beyond).time
+        return time, len(solved)
+
+    long = 1.05 * least
+    assert bounded(long, beyond=False)[1] > 1
+    time, programs = bounded(long, beyond=True)
+    assert programs == 1
+    # It is a bound all the same, and none beyond the guess.
+    assert 0.95 * least < time < long
+    # Where the guess is short, nothing is lost.
+    for short in (0.9 * least, 0.97 * least):
+        whole, programs = bounded(short, beyond=False)
+        assert programs > 1
+        assert bounded(short, beyond=True)[0] == whole

@@ -334,3 +334,28 @@ def test_where_the_script_gives_more_time_than_the_search_needs_drones_wait(
     assert found.duration == 20.0
     assert not flaw(found, show)
     assert "wait for" in found.certificate.method
+
+
+def test_flights_in_closed_form_wait_for_a_try_with_time_enough(monkeypatch):
+    """Little is expected of the tries of great crowds that are near the least time."""
+    monkeypatch.setattr(module, "_GREAT", len(CUBE))
+    monkeypatch.setattr(Repair, "run", lambda _: False)
+    at, surely, events = Search.at, Search.surely, []
+
+    def trying(self, time, *task, most=np.inf):
+        events.append("try" if most == np.inf else "hasty try")
+        return at(self, time, *task, most=most)
+
+    def looking(self):
+        events.append("closed form")
+        return surely(self)
+
+    monkeypatch.setattr(Search, "at", trying)
+    monkeypatch.setattr(Search, "surely", looking)
+    middle = np.array([0.0, 0.0, 30.0])
+    start, goal = (1.05 * CUBE @ turn.T + middle for turn in (np.eye(3), QUARTER))
+    found, _ = search(make_leg(start, goal, limits=WIDE)).least()
+    assert "quarter circle" in found.method
+    looked = events.index("closed form")
+    assert "hasty try" in events[: looked - 1]
+    assert events[:looked].index("try") == looked - 1

@@ -203,7 +203,7 @@ def lower_bound(  # noqa: PLR0917 - tasks of workers are tuples
         found = move.multipliers(time, knots_of(relaxation, time, _INTERVALS))
         return _ProofOfOne(time, relaxation, displacement, ends, found)
 
-    longest, found = greatest_proved(proof, guess, rounds, sooner=not beyond)
+    longest, found = greatest_proved(proof, guess, rounds, beyond=beyond)
     beta, knots = found.by.beta, found.by.knots
     multipliers = _stretched(found.by.at_knots, longest / found.time)
     return DualWitness(
@@ -260,7 +260,7 @@ def greatest_proved(
     rounds: int,
     resolution: float = _RESOLUTION,
     *,
-    sooner: bool = True,
+    beyond: bool = False,
 ) -> tuple[float, P]:
     """Prove the greatest time impossible, from program to program.
 
@@ -274,8 +274,9 @@ def greatest_proved(
         Programs solved at most.
     resolution
         To what the time is found [s].
-    sooner
-        Whether times below the guess are tried as well.
+    beyond
+        Whether only a time beyond the guess is of use: where the program of the guess
+        makes the whole move, there is none.
 
     Returns
     -------
@@ -288,7 +289,7 @@ def greatest_proved(
     for number in range(rounds):
         found = proof(time)
         last = number == rounds - 1 or abs(found.reach - 1.0) < _NEAR
-        last |= not sooner and found.reach >= 1.0
+        last |= beyond and number == 0 and found.reach >= 1.0
         if last or abs(found.reach - 1.0) < _WORTH_A_PROOF:
             longest = _longest(found, resolution)
             if best is None or longest > best[0]:

@@ -47,7 +47,8 @@ class Known:
     """Its flight in least time: then it is one of the slowest. Splines are not supple
     enough for these, and not tried."""
     like: Trajectory | None = None
-    """A flight in least time with a nearly equal displacement, from the origin."""
+    """A flight in least time from the origin, to a place that is as far and on the same
+    side as the drone's goal, roughly: what the search for its own begins with."""
     bending: bool = False
     """Whether drones will have to be bent afterwards: then the program for it is used
     here already, so that all processes build it at the same time."""
