@@ -15,6 +15,7 @@ little where the time is nearly enough.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -88,9 +89,25 @@ _SHARPER, _POWERS = 0.01, (4.0, 64.0)
 lacks, and its bounds: a sharp one is blind to all axes but one."""
 _TINY = 1e-12
 """What keeps quotients finite."""
-_OF_PAIR, _OF_STEP, _DEAR = 250.0, 1.4e6, 6.6
+_OF_PAIR, _OF_STEP, _DEAR = 250.0, 1.4e6, 4.6
 """Products that take as long as one pair between two samples, and as a step whatever
 the crowd; and how much longer they take than what work is counted in [measured]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Limits:
+    """Limits of places, speeds, accelerations or jerks; r of these, drone by drone."""
+
+    normal: FloatArray
+    """Of half-spaces, over their limits, shape (f, 3)."""
+    bound: FloatArray
+    """Shape (f,)."""
+    alone: FloatArray
+    """What is used alone, shape (r, f)."""
+    level: float
+    """Greatest level size, SI."""
+    still: FloatArray
+    """Level sizes alone, shape (r,), SI."""
 
 
 class Elastic:
@@ -148,15 +165,16 @@ class Elastic:
         self.lacking = np.inf
         self.work = 0.0
 
-    def _limits(self, order: int) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """Half-spaces of an order, over their limits, what is used alone, and level."""
+    def _limits(self, order: int) -> _Limits:
+        """Limits of an order of derivatives."""
         allowed, part = self.crowd.allowed, self._part(self.used, order)
         mine = allowed.order == order
         normal, offset = allowed.normal[mine], allowed.offset[mine]
         unit = np.abs(offset) if order else np.full(offset.size, self.distance)
         bound = offset * (self.inside if order else 1.0) / unit
-        normal = normal / unit[:, None]
-        return normal, bound, part @ normal.T, allowed.level[order]
+        normal, part = normal / unit[:, None], part.reshape(-1, 3)
+        still = np.hypot(part[:, 0], part[:, 1])
+        return _Limits(normal, bound, part @ normal.T, allowed.level[order], still)
 
     def _part(self, values: FloatArray, order: int) -> FloatArray:
         return values[order * self.samples : (order + 1) * self.samples]
@@ -194,9 +212,12 @@ class Elastic:
             hopeless = float(found.fun) > _HOPELESS * price * self.drones
             if lift is None and hopeless and not slower:
                 break
-        found = self._judged(np.einsum("kna,nab->nkb", inner, self.root))
-        self.lacking = found.wrong
-        return found
+            # With the time free, later stages only mend what is wrong.
+            if lift is None and slower and not self._judged(inner).wrong:
+                break
+        outcome = self._judged(inner)
+        self.lacking = outcome.wrong
+        return outcome
 
     def _beginning(self) -> FloatArray:
         """Coefficients to begin with, (k, n, 3 or 4)."""
@@ -315,9 +336,12 @@ class Elastic:
         if self.looked is None or np.abs(points[..., :3] - self.looked).max() > far:
             self._look(points)
         _, later, axes = points.shape
-        rows = points.reshape(-1, axes)
-        gap = rows[self.ahead] - rows[self.behind]
-        motion = rows[self.ahead + later] - rows[self.behind + later] - gap
+        # Axis by axis, as sums over few axes take long row by row.
+        rows = np.ascontiguousarray(points.reshape(-1, axes).T)
+        first, second = self.ahead, self.behind
+        gap = rows.take(first, axis=1) - rows.take(second, axis=1)
+        motion = rows.take(first + later, axis=1) - rows.take(second + later, axis=1)
+        motion -= gap
         cost, slope = 0.0, np.zeros_like(rows)
         lacks = (
             self._square(gap, motion, price)
@@ -327,29 +351,29 @@ class Elastic:
         for here, share, lack, toward in lacks:
             dear = price * self.dear[here]
             cost += float(dear @ (lack * lack))
-            force = (2.0 * dear * lack)[:, None] * toward
-            late, early = share[:, None] * force, (1.0 - share)[:, None] * force
+            force = 2.0 * dear * lack * toward
+            late, early = share * force, (1.0 - share) * force
             first, second = self.ahead[here], self.behind[here]
             where = np.concatenate([first, first + later, second, second + later])
-            value = np.concatenate([early, late, -early, -late])
+            value = np.concatenate([early, late, -early, -late], axis=1)
             for axis in range(axes):
-                slope[:, axis] += np.bincount(where, value[:, axis], rows.shape[0])
-        return cost, slope.reshape(points.shape)
+                slope[axis] += np.bincount(where, value[axis], rows.shape[1])
+        return cost, slope.T.reshape(points.shape)
 
     def _round(
         self, gap: FloatArray, motion: FloatArray
     ) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
-        """Rows that lack distance, where, by which share, and how that changes."""
-        size = np.einsum("ca,ca->c", motion, motion)
-        along = np.einsum("ca,ca->c", gap, motion)
+        """Columns that lack distance, where, by which share, and how that changes."""
+        size = np.einsum("ac,ac->c", motion, motion)
+        along = np.einsum("ac,ac->c", gap, motion)
         share = np.clip(-along / np.maximum(size, _TINY), 0.0, 1.0)
-        square = np.einsum("ca,ca->c", gap, gap) + share * (2.0 * along + share * size)
+        square = np.einsum("ac,ac->c", gap, gap) + share * (2.0 * along + share * size)
         here = np.nonzero(square < self.wanted**2)[0]
         share = share[here]
-        there = gap[here] + share[:, None] * motion[here]
+        there = gap.take(here, axis=1) + share * motion.take(here, axis=1)
         near = np.sqrt(np.maximum(square[here], _TINY))
         lack = (self.wanted[here] - near) / self.distance
-        yield here, share, lack, there / (-near * self.distance)[:, None]
+        yield here, share, lack, there / (-near * self.distance)
 
     def _square(
         self, gap: FloatArray, motion: FloatArray, price: float
@@ -360,18 +384,18 @@ class Elastic:
         for part in _SHARES:
             there = gap + part * motion
             size = np.abs(there)
-            most = size.max(axis=1)
+            most = size.max(axis=0)
             here = np.nonzero(most < self.wanted)[0]
-            most = np.maximum(most[here], _TINY)[:, None]
-            ratio = size[here] / most
-            total = (ratio**power).sum(axis=1)
-            near = most[:, 0] * total ** (1.0 / power)
+            most = np.maximum(most[here], _TINY)
+            ratio = size.take(here, axis=1) / most
+            total = (ratio**power).sum(axis=0)
+            near = most * total ** (1.0 / power)
             lack = weight * (self.wanted[here] - near) / self.distance
-            toward = np.sign(there[here]) * ratio ** (power - 1.0)
-            toward *= (-weight / self.distance * total ** (1.0 / power - 1.0))[:, None]
+            toward = np.sign(there.take(here, axis=1)) * ratio ** (power - 1.0)
+            toward *= -weight / self.distance * total ** (1.0 / power - 1.0)
             kept = lack > 0.0
             share = np.full(int(kept.sum()), part)
-            yield here[kept], share, lack[kept], toward[kept]
+            yield here[kept], share, lack[kept], toward[:, kept]
 
     def _within(
         self, flown: FloatArray, slope: FloatArray, price: float, slower: float
@@ -381,26 +405,32 @@ class Elastic:
         What a drone uses when it flies alone, as much slower, it may use.
         """
         cost = later = 0.0
-        for order, (normal, bound, alone, level) in enumerate(self.limits):
-            part, toward = self._part(flown, order), self._part(slope, order)
+        for order, limits in enumerate(self.limits):
+            part, toward = (self._part(one, order) for one in (flown, slope))
+            part, toward = part.reshape(-1, 3), toward.reshape(-1, 3)
             pace = float(np.exp(-slower * order))
-            most = np.minimum(bound, pace * alone)
-            lack = np.maximum(0.0, most - part @ normal.T)
-            if lack.any():
-                cost += price * float((lack * lack).sum())
-                later -= 2.0 * price * order * float((lack * most)[most < bound].sum())
-                toward -= 2.0 * price * (lack @ normal)
-            if np.isfinite(level):
-                inside, still = level * self.inside, self._part(self.used, order)
-                used = np.hypot(part[..., 0], part[..., 1])
-                size = np.maximum(inside, pace * np.hypot(still[..., 0], still[..., 1]))
-                rows = np.nonzero(used > size)
-                more = (used[rows] - size[rows]) / level
+            reached = part @ limits.normal.T
+            # What is within limits lacks nothing, whatever the drone uses alone.
+            row, side = np.nonzero(reached < limits.bound)
+            if row.size:
+                bound, own = limits.bound[side], pace * limits.alone[row, side]
+                most = np.minimum(bound, own)
+                lack = np.maximum(0.0, most - reached[row, side])
+                cost += price * float(lack @ lack)
+                later -= 2.0 * price * order * float(lack @ (most * (own < bound)))
+                force = (-2.0 * price * lack)[:, None] * limits.normal[side]
+                np.add.at(toward, row, force)
+            if np.isfinite(limits.level):
+                inside, level = limits.level * self.inside, part[:, :2]
+                row = np.nonzero(np.einsum("ra,ra->r", level, level) > inside**2)[0]
+                used, own = np.hypot(*level[row].T), pace * limits.still[row]
+                more = np.maximum(0.0, used - np.maximum(inside, own)) / limits.level
                 cost += price * float(more @ more)
-                own = size[rows] * (size[rows] > inside)
-                later += 2.0 * price * order * float(more @ own) / level
-                force = 2.0 * price * more / (level * np.maximum(used[rows], _TINY))
-                toward[..., :2][rows] += force[:, None] * part[..., :2][rows]
+                later += (
+                    2.0 * price * order * float(more @ (own * (own > inside)))
+                ) / limits.level
+                force = 2.0 * price * more / (limits.level * np.maximum(used, _TINY))
+                toward[row, :2] += force[:, None] * level[row]
         return cost, later
 
     def _turning(self, flown: FloatArray, slope: FloatArray, price: float) -> float:
@@ -430,8 +460,9 @@ class Elastic:
         return price * float(lack @ lack)
 
     def _judged(self, inner: FloatArray) -> Untangled:
-        """Say what the outcome lacks."""
+        """Say what changes lack, as they come out of a stage."""
         crowd = self.crowd
+        inner = np.einsum("kna,nab->nkb", inner, self.root)
         values = np.einsum("mk,nka->nma", self.reach, inner)
         pace = np.exp(-self.slower * self.order)[:, None]
         used, values = self.used.transpose(1, 0, 2) * pace, values * pace

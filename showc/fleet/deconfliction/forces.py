@@ -57,21 +57,21 @@ class Rows:
             np.einsum("rpa,rpa->r", self.value, values[self.drone, self.sample])
         )
 
-    def matrix(
-        self, size: FloatArray, drone: IntArray, samples: int, drones: int
-    ) -> csr_matrix:
+    def matrix(self, size: FloatArray, column: IntArray, columns: int) -> csr_matrix:
         """Sparse matrix of the rows times ``size`` (r,), compressed by rows.
 
-        Its columns are samples, in each the drones (as numbered by ``drone``, of the
-        shape of ``self.drone``), of each the axes.
+        Parts of rows stand in threes of columns, as numbered by ``column``, of the
+        shape of ``self.drone``.
         """
         from scipy.sparse import csr_matrix  # noqa: PLC0415 - for crowds alone
 
         value = self.value * size[:, None, None]
-        column = (self.sample * drones + drone)[..., None] * 3 + np.arange(3)
+        place = column[..., None] * 3 + np.arange(3)
         head = np.arange(self.count + 1) * value[0].size if self.count else [0]
-        shape = (self.count, drones * samples * 3)
-        return csr_matrix((value.ravel(), column.ravel(), head), shape=shape)
+        shape = (self.count, 3 * columns)
+        found = csr_matrix((value.ravel(), place.ravel(), head), shape=shape)
+        found.eliminate_zeros()
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +118,7 @@ def scales(rows: Rows, reach: FloatArray, samples: int) -> FloatArray:
 def raised(  # noqa: PLR0917 - a program, and when it is solved
     rows: Rows,
     reach: FloatArray,
+    samples: int,
     goal: FloatArray,
     size: FloatArray,
     force: FloatArray,
@@ -130,8 +131,8 @@ def raised(  # noqa: PLR0917 - a program, and when it is solved
     ----------
     rows
         Their values are those that meet unit forces.
-    reach
-        As of :func:`scales`, shape (3 m, k).
+    reach, samples
+        As of :func:`scales`.
     goal
         What rows lack without forces, times their scales, shape (r,).
     size
@@ -143,18 +144,24 @@ def raised(  # noqa: PLR0917 - a program, and when it is solved
     steps
         At most.
     """
-    drones, local = np.unique(rows.drone, return_inverse=True)
-    local = local.reshape(rows.drone.shape)
+    drones, column, few = _columns(rows, samples)
     moments, count = reach.shape
-    forward = rows.matrix(size, local, moments, drones.size)
+    split, cut = samples * drones.size * 3, 3 * few
+    columns = samples * drones.size + (moments - samples) * few
+    forward = rows.matrix(size, column, columns)
     back = forward.T.tocsr()
-    there = np.ascontiguousarray(reach.T)
+    places, rates = reach[:samples], reach[samples:]
+    to_places, to_rates = (np.ascontiguousarray(one.T) for one in (places, rates))
 
     def moved(push: FloatArray) -> FloatArray:
-        return np.asarray(there @ (back @ push).reshape(moments, -1))
+        pushed = back @ push
+        inner = to_places @ pushed[:split].reshape(samples, -1)
+        inner[:, :cut] += to_rates @ pushed[split:].reshape(moments - samples, cut)
+        return np.asarray(inner)
 
     def reached(inner: FloatArray) -> FloatArray:
-        return np.asarray(forward @ (reach @ inner).ravel())
+        parts = places @ inner, rates @ inner[:, :cut]
+        return np.asarray(forward @ np.concatenate([part.ravel() for part in parts]))
 
     # Power iteration, from a vector that no symmetry of the crowd makes blind.
     trial = np.random.default_rng(0).standard_normal(goal.size)
@@ -165,7 +172,7 @@ def raised(  # noqa: PLR0917 - a program, and when it is solved
         trial = answer / max(length, 1e-30)
     length *= _SURELY
     ahead, pace, begun = force, 1.0, force
-    step = 2.0 * (forward.nnz + 3.0 * there.size * drones.size)
+    step = 2.0 * (forward.nnz + columns * 3.0 * count)
     work = _POWERS * step
     for _ in range(steps):
         lack = goal - reached(moved(ahead))
@@ -180,6 +187,31 @@ def raised(  # noqa: PLR0917 - a program, and when it is solved
         force, pace = higher, faster
     push = np.moveaxis(moved(force).reshape(count, drones.size, 3), 1, 0)
     return Forces(force, drones, push, work)
+
+
+def _columns(rows: Rows, samples: int) -> tuple[IntArray, IntArray, int]:
+    """Give numbers to places, speeds and accelerations that rows ask for.
+
+    Few drones come near a limit of speed or acceleration: of the others only places
+    are worked out.
+
+    Returns
+    -------
+    tuple
+        The drones (p,) that rows can move, those first that are near such a limit; the
+        number of each part of a row, of the shape of ``rows.drone``: places at each of
+        the samples, all drones in each, then speeds and accelerations of the first
+        ones; and how many these are.
+    """
+    counts = np.any(rows.value != 0.0, axis=2)
+    fast = counts & (rows.sample >= samples)
+    first = distinct(rows.drone[fast])
+    drones = np.append(first, np.setdiff1d(rows.drone[counts], first))
+    local = np.zeros(int(rows.drone.max(initial=0)) + 1, dtype=np.int64)
+    local[drones] = np.arange(drones.size)
+    beyond = samples * (drones.size - first.size)
+    column = rows.sample * np.where(fast, first.size, drones.size) + local[rows.drone]
+    return drones, np.where(fast, column + beyond, column) * counts, first.size
 
 
 def distinct(keys: IntArray) -> IntArray:

@@ -398,6 +398,7 @@ class Programs:
         found = raised(
             rows,
             self.reach,
+            self.samples,
             lack * size,
             size,
             force / size,

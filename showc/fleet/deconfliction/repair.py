@@ -20,6 +20,7 @@ from showc.fleet.deconfliction.flights import Flights, Ways, Work
 from showc.fleet.deconfliction.independent import Independent
 from showc.fleet.deconfliction.untangling import (
     OF_MANY,
+    SOON,
     hopeless,
     quickest,
     untangle,
@@ -60,8 +61,6 @@ limits between them. More drones have no time for it, and their changes are seld
 short."""
 _ALONG = 0.8
 """How much less readily drones change along their ways: there they have no time."""
-_SOON = 0.003
-"""Share of more time that ways may take that are flown all the same."""
 _NOT_AT_ALL, _FEW_DRONES = 10.0, 30
 """How far from parted a crowd counts whose flights did not follow their changes, and
 one of few drones: with these another time costs little."""
@@ -273,7 +272,7 @@ class Repair:
         many = sorted(each * count + more for each, more in _TANGLED)[1]
         few = count <= _FEW_DRONES
         many = max(many, count if count <= _DOZEN else _HARDLY)
-        if found.duration > (1.0 + _SOON) * self.duration:
+        if found.duration > (1.0 + SOON) * self.duration:
             self.soonest, self.tangled = found, _NOT_AT_ALL
             return False
         if round_ == 0 and found.wrong > many:

@@ -8,7 +8,6 @@ leads nowhere, ways are found through a fourth dimension, from several beginning
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,11 +39,12 @@ _STARTS = 3
 _HOPELESS = 0.35
 """Wrong for each drone, from which on no other beginning is tried: the time is too
 short."""
-_MOST, _IN_VAIN, _BETTER, _SEARCH = 12, 3, 0.003, 5e10
-"""Beginnings at most where the time is free; how many of them in a row may be no better
-by such a share; and products of numbers after which there is no other."""
-_BESIDE = 2
-"""Beginnings followed at once: of those that are too many, one is in vain."""
+_MOST, _BESIDE, _BETTER, _SEARCH = 12, 2, 0.003, 5e10
+"""Beginnings at most where the time is free; how many are followed at once; by what
+share one of these is to be better than all before; and products of numbers after which
+there is no other."""
+SOON = 0.003
+"""Share of more time than the crowd's that ways may take and are flown in it."""
 _SLOWER = (1.1, 1.3)
 """Times that these begin with, over the crowd's."""
 _WRONG = 1.0
@@ -76,16 +76,15 @@ def untangle(
     free
         Whether more time may be taken than the crowd's.
     """
-    best, work = None, 0.0
+    best, least, work = None, np.inf, 0.0
     for search in _searches(crowd, known, anew=anew, free=free):
         found = search.run()
         work += found.work
         # About others that fly already, what asks for too much tangles them anew.
-        better = best is None or (
-            found.wrong < best.wrong if anew else found.strain < best.strain
-        )
-        best = found if better else best
-        if found.wrong == 0.0 or (anew and not hopeless(found)):
+        lacking = found.wrong if anew else found.strain
+        if best is None or lacking < least:
+            best, least = found, lacking
+        if least == 0.0 or (anew and not hopeless(found)):
             break
     assert best is not None  # noqa: S101 - there is a search
     return replace(best, work=work)
@@ -127,9 +126,8 @@ def _searches(
 def quickest(crowd: Crowd, workers: Workers) -> Untangled:
     """Change flights of a crowd until all pairs keep apart, in the least time.
 
-    Of some beginnings, each of which leads to other ways round, the best counts: its
-    ways are flown sooner then, nearer to limits. Two beginnings are followed side by
-    side, and count one after the other.
+    Each beginning leads to other ways round. Two are followed side by side, then two
+    others: until no more time is needed than the crowd's, or two were in vain.
 
     Returns
     -------
@@ -137,37 +135,31 @@ def quickest(crowd: Crowd, workers: Workers) -> Untangled:
         Its duration is at least the crowd's, and what it takes.
     """
     best: Untangled | None = None
-    work, stalled = 0.0, 0
-    seeds = range(_MOST)
-    pairs = (seeds[first : first + _BESIDE] for first in seeds[::_BESIDE])
-    both = (workers.run(_begun, [(crowd, seed) for seed in pair]) for pair in pairs)
-    for found in chain.from_iterable(both):
-        work += found.work
-        stalled += 1
-        if best is None or _needed(found) < (1.0 - _BETTER) * _needed(best):
-            stalled = 0
-        if best is None or _needed(found) < _needed(best):
-            best = found
-        if work >= _SEARCH or stalled >= _IN_VAIN:
+    work, least = 0.0, np.inf
+    for first in range(0, _MOST, _BESIDE):
+        seeds = range(first, first + _BESIDE)
+        both = workers.run(_followed, [(crowd, seed) for seed in seeds])
+        work += sum(found.work for found in both)
+        found = min(both, key=_needed)
+        better = _needed(found) < (1.0 - _BETTER) * least
+        if _needed(found) < least:
+            best, least = found, _needed(found)
+        if not better or work >= _SEARCH or least <= (1.0 + SOON) * crowd.duration:
             break
     assert best is not None  # noqa: S101 - there is a beginning
-    if best.duration > crowd.duration and not hopeless(best):
-        (sooner,) = workers.run(_sooner, [(crowd, best)])
-        work += sooner.work
-        best = min(best, sooner, key=_needed)
     return replace(best, work=work)
 
 
-def _sooner(crowd: Crowd, found: Untangled) -> Untangled:
-    """Fly ways that part a crowd in less time than they were found in."""
+def _followed(crowd: Crowd, seed: int) -> Untangled:
+    """Follow one beginning, with the time free; fly its ways sooner, near to limits."""
+    found = Elastic(crowd, seed).run(_SLOWER[seed % len(_SLOWER)])
+    if found.duration <= crowd.duration or hopeless(found):
+        return found
     slower = found.duration / crowd.duration
     known = found.aside(np.arange(len(crowd.places)), crowd.times * slower)
-    return Elastic(crowd, known=known).run(slower)
-
-
-def _begun(crowd: Crowd, seed: int) -> Untangled:
-    """Follow one beginning, with the time free."""
-    return Elastic(crowd, seed).run(_SLOWER[seed % len(_SLOWER)])
+    sooner = Elastic(crowd, known=known).run(slower)
+    best = min(found, sooner, key=_needed)
+    return replace(best, work=found.work + sooner.work)
 
 
 def _needed(found: Untangled) -> float:
