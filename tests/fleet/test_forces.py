@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from showc.fleet.deconfliction.forces import Rows, raised, scales
+from showc.fleet.deconfliction.forces import Reach, Rows, raised, scales
 
 SAMPLES, COEFFICIENTS = 6, 4
 
@@ -23,8 +23,8 @@ def test_rows_of_places_and_of_rates_are_met_by_the_forces_found(fast):
     single = Rows(chosen, rates, draw.standard_normal((fast, 1, 3)))
     rows = Rows.joined(Rows(drone, sample, value), single)
     lack = draw.uniform(0.5, 1.0, rows.count)
-    size, close = scales(rows, reach, SAMPLES), 1e-3
-    program = rows, reach, SAMPLES, lack * size, size, np.zeros(rows.count)
+    size, close = scales(rows, Reach(reach, SAMPLES)), 1e-3
+    program = rows, Reach(reach, SAMPLES), lack * size, size, np.zeros(rows.count)
     found = raised(*program, close, 5000)
     assert np.all(found.force >= 0.0)
     inner = np.zeros((9, COEFFICIENTS, 3))

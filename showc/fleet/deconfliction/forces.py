@@ -75,6 +75,16 @@ class Rows:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Reach:
+    """What unit coefficients change of a drone's way."""
+
+    values: FloatArray
+    """Places at m samples, perhaps speeds and accelerations below, shape (3 m, k)."""
+    samples: int
+    """m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Forces:
     """What forces a program has, and where they push."""
 
@@ -88,26 +98,18 @@ class Forces:
     """Products of numbers that it took."""
 
 
-def scales(rows: Rows, reach: FloatArray, samples: int) -> FloatArray:
-    """Return scales of rows (r,): each then gives as much as any other.
-
-    Parameters
-    ----------
-    reach
-        Values, speeds and accelerations at samples by unit coefficients, (3 m, k).
-    samples
-        m: how many there are of each.
-    """
-    give = np.zeros(rows.count)
+def scales(rows: Rows, reach: Reach) -> FloatArray:
+    """Return scales of rows (r,): each then gives as much as any other."""
+    give, values = np.zeros(rows.count), reach.values
     for one in range(rows.drone.shape[1]):
         for other in range(rows.drone.shape[1]):
             same = rows.drone[:, one] == rows.drone[:, other]
             mutual = np.einsum(
-                "rk,rk->r", reach[rows.sample[:, one]], reach[rows.sample[:, other]]
+                "rk,rk->r", values[rows.sample[:, one]], values[rows.sample[:, other]]
             )
             both = np.einsum("ra,ra->r", rows.value[:, one], rows.value[:, other])
             give += np.where(same, mutual * both, 0.0)
-    block = rows.sample[:, 0] // samples
+    block = rows.sample[:, 0] // reach.samples
     floor = np.ones(rows.count)
     for number in range(3):
         mine = block == number
@@ -117,8 +119,7 @@ def scales(rows: Rows, reach: FloatArray, samples: int) -> FloatArray:
 
 def raised(  # noqa: PLR0917 - a program, and when it is solved
     rows: Rows,
-    reach: FloatArray,
-    samples: int,
+    reach: Reach,
     goal: FloatArray,
     size: FloatArray,
     force: FloatArray,
@@ -131,8 +132,6 @@ def raised(  # noqa: PLR0917 - a program, and when it is solved
     ----------
     rows
         Their values are those that meet unit forces.
-    reach, samples
-        As of :func:`scales`.
     goal
         What rows lack without forces, times their scales, shape (r,).
     size
@@ -144,13 +143,13 @@ def raised(  # noqa: PLR0917 - a program, and when it is solved
     steps
         At most.
     """
+    samples, (moments, count) = reach.samples, reach.values.shape
     drones, column, few = _columns(rows, samples)
-    moments, count = reach.shape
     split, cut = samples * drones.size * 3, 3 * few
     columns = samples * drones.size + (moments - samples) * few
     forward = rows.matrix(size, column, columns)
     back = forward.T.tocsr()
-    places, rates = reach[:samples], reach[samples:]
+    places, rates = np.split(reach.values, [samples])
     to_places, to_rates = (np.ascontiguousarray(one.T) for one in (places, rates))
 
     def moved(push: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from showc.fleet.deconfliction.changes import (
     excess,
     spline_values,
 )
-from showc.fleet.deconfliction.forces import Rows, distinct, raised, scales
+from showc.fleet.deconfliction.forces import Reach, Rows, distinct, raised, scales
 from showc.fleet.deconfliction.layers import layers
 from showc.fleet.deconfliction.neighbours import near_pairs
 from showc.fleet.single_drone.basis import DEGREE
@@ -389,7 +389,8 @@ class Programs:
         rows = replace(
             rows, value=np.einsum("rpa,rpab->rpb", rows.value, self.root[rows.drone])
         )
-        size = scales(rows, self.reach, self.samples)
+        reach = Reach(self.reach, self.samples)
+        size = scales(rows, reach)
         force = np.zeros(lack.size)
         if self.known.size:
             at = np.minimum(np.searchsorted(self.known, key), self.known.size - 1)
@@ -397,8 +398,7 @@ class Programs:
             force[: key.size] = np.where(same, self.forces[at], 0.0)
         found = raised(
             rows,
-            self.reach,
-            self.samples,
+            reach,
             lack * size,
             size,
             force / size,
