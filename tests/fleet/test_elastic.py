@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import scipy.optimize
 from fleet.handmade import LIMITS, VEHICLE
 from fleet.test_untangling import INTERVALS, crowd_of, flown
 
@@ -101,6 +103,26 @@ def test_where_the_time_is_free_limits_and_distances_say_how_long_it_is():
         times.append(found.duration)
     # Whatever it begins from, the time is that of the drones.
     assert times[1] == pytest.approx(times[0], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("slower", "wrong", "stages"), [(1.1, 0.0, 5), (1.1, 0.3, 6), (None, 0.0, 6)]
+)
+def test_where_the_time_is_free_the_last_stage_only_mends(
+    monkeypatch, slower, wrong, stages
+):
+    minimize, steps = scipy.optimize.minimize, []
+
+    def counting(*task, options, **means):
+        steps.append(options["maxiter"])
+        return minimize(*task, options=options | {"maxiter": 3}, **means)
+
+    monkeypatch.setattr(scipy.optimize, "minimize", counting)
+    monkeypatch.setattr(Elastic, "_judged", lambda *_: SimpleNamespace(wrong=wrong))
+    start = np.array([[-6.0, 0.3, 0.0], [6.0, -0.3, 0.0]])
+    ways = Elastic(crowd_of(start, start * [-1.0, 1.0, 1.0], Separation(1.0)))
+    assert ways.run(slower).wrong == wrong
+    assert len(steps) == stages
 
 
 def test_what_drones_use_when_they_fly_alone_slows_nothing():

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from fleet.handmade import LIMITS, VEHICLE
 
+from showc.fleet.deconfliction import untangling
+from showc.fleet.deconfliction.changes import Untangled
 from showc.fleet.deconfliction.crowd import Allowed, Crowd, Planes, sampled
 from showc.fleet.deconfliction.elastic import Elastic
 from showc.fleet.deconfliction.untangling import quickest, untangle
@@ -115,6 +117,43 @@ def test_ways_of_a_beginning_are_flown_sooner_and_keep_apart():
     assert found.wrong == 0.0
     first = [Elastic(crowd, k).run((1.1, 1.3)[k % 2]).duration for k in range(2)]
     assert found.duration < 0.985 * min(first)
+
+
+class Changed:
+    """A search that ends with changes in which two drones lack and pass so much."""
+
+    def __init__(self, broken, excess):
+        self.found = Untangled(
+            1.0, np.zeros((2, 3, 3)), (NONE, NONE), broken, np.full(2, excess), 1.0
+        )
+        self.runs = 0
+
+    def run(self):
+        self.runs += 1
+        return self.found
+
+
+@pytest.mark.parametrize(
+    ("anew", "broken", "excess", "runs"),
+    [
+        # About others that fly, limits that are passed a little lack nothing.
+        (False, 0.0, 0.1, [1, 0]),
+        (False, 0.0, 0.2, [1, 1]),
+        (False, 1.0, 0.0, [1, 1]),
+        (True, 0.0, 0.0, [1, 0]),
+        (True, 2.0, 0.1, [1, 1]),
+    ],
+)
+def test_no_other_changes_are_sought_where_none_lack_less(
+    monkeypatch, anew, broken, excess, runs
+):
+    searches = Changed(broken, excess), Changed(0.0, 0.0)
+    monkeypatch.setattr(untangling, "_searches", lambda *_, **__: iter(searches))
+    start = np.array([[-4.5, 0.0, 0.0], [4.5, 0.3, 0.0]])
+    found = untangle(crowd_of(start, -start, Separation(1.0)), anew=anew)
+    assert [search.runs for search in searches] == runs
+    assert found.work == sum(runs)
+    assert np.all(found.excess == searches[sum(runs) - 1].found.excess)
 
 
 def test_a_line_that_swaps_about_one_that_hovers_leaves_it_in_place():
