@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from showc.fleet.deconfliction.changes import Untangled
 from showc.fleet.deconfliction.elastic import Elastic
 from showc.fleet.deconfliction.neighbours import near_pairs
 from showc.fleet.deconfliction.programs import Programs
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from showc.arrays import BoolArray, FloatArray, IntArray
+    from showc.fleet.deconfliction.changes import Untangled
     from showc.fleet.deconfliction.crowd import Crowd
     from showc.fleet.execution.pool import Workers
 
@@ -45,10 +45,8 @@ share one of these is to be better than all before; and products of numbers afte
 there is no other."""
 SOON = 0.003
 """Share of more time than the crowd's that ways may take and are flown in it."""
-_SLOWER, _HARDLY_SLOWER = (1.1, 1.3), 1.01
-"""Times that random beginnings have at first, over the crowd's, and that of changes
-tried in its own time: for a third of the work, these parted three of seven crowds in
-1 % less time than two random ones, two in the same, and two in up to 1 % more."""
+_SLOWER = (1.1, 1.3)
+"""Times that these begin with, over the crowd's."""
 _WRONG = 1.0
 """How much more time what is wrong with an outcome is thought to take, over its share
 of the drones."""
@@ -66,8 +64,7 @@ def untangle(
 ) -> Untangled:
     """Change flights of a crowd until all pairs keep apart, as gently as can be.
 
-    Where more time may be taken, :func:`quickest` goes on from what is
-    :func:`hopeless` here.
+    Where more time may be taken, :func:`quickest` finds what is :func:`hopeless` here.
 
     Parameters
     ----------
@@ -80,12 +77,9 @@ def untangle(
         Whether more time may be taken than the crowd's.
     """
     best, least, work = None, np.inf, 0.0
-    calmest: Untangled | None = None
     for search in _searches(crowd, known, anew=anew, free=free):
         found = search.run()
         work += found.work
-        if calmest is None or found.excess.sum() < calmest.excess.sum():
-            calmest = found
         # About others that fly already, what asks for too much tangles them anew.
         lacking = found.wrong if anew else found.strain
         if best is None or lacking < least:
@@ -93,9 +87,6 @@ def untangle(
         if least == 0.0 or (anew and not hopeless(found)):
             break
     assert best is not None  # noqa: S101 - there is a search
-    if free and calmest is not None and hopeless(best):
-        # Changes that keep limits nearly are parted in less time than others.
-        best = calmest
     return replace(best, work=work)
 
 
@@ -132,19 +123,11 @@ def _searches(
             return
 
 
-def quickest(
-    crowd: Crowd, workers: Workers, tried: Untangled | None = None
-) -> Untangled:
+def quickest(crowd: Crowd, workers: Workers) -> Untangled:
     """Change flights of a crowd until all pairs keep apart, in the least time.
 
-    Each beginning leads to other ways round. What was tried in the crowd's own time is
-    the first one. Then two random ones are followed side by side, and two others: until
-    no more time is needed than the crowd's, or all of them were in vain.
-
-    Parameters
-    ----------
-    tried
-        Changes in the crowd's own time that do not part it.
+    Each beginning leads to other ways round. Two are followed side by side, then two
+    others: until no more time is needed than the crowd's, or two were in vain.
 
     Returns
     -------
@@ -153,13 +136,11 @@ def quickest(
     """
     best: Untangled | None = None
     work, least = 0.0, np.inf
-    rounds: list[Sequence[int | Untangled]] = [] if tried is None else [[tried]]
-    rounds += [range(first, first + _BESIDE) for first in range(0, _MOST, _BESIDE)]
-    for beginnings in rounds:
-        tasks = [(crowd, beginning) for beginning in beginnings]
-        outcomes = workers.run(_followed, tasks)
-        work += sum(found.work for found in outcomes)
-        found = min(outcomes, key=_needed)
+    for first in range(0, _MOST, _BESIDE):
+        seeds = range(first, first + _BESIDE)
+        both = workers.run(_followed, [(crowd, seed) for seed in seeds])
+        work += sum(found.work for found in both)
+        found = min(both, key=_needed)
         better = _needed(found) < (1.0 - _BETTER) * least
         if _needed(found) < least:
             best, least = found, _needed(found)
@@ -169,26 +150,16 @@ def quickest(
     return replace(best, work=work)
 
 
-def _followed(crowd: Crowd, beginning: int | Untangled) -> Untangled:
-    """Follow one beginning, with the time free; fly its ways sooner, near to limits.
-
-    A beginning is a seed, or what was tried.
-    """
-    if isinstance(beginning, Untangled):
-        return _sooner(crowd, beginning, _HARDLY_SLOWER)
-    found = Elastic(crowd, beginning).run(_SLOWER[beginning % len(_SLOWER)])
+def _followed(crowd: Crowd, seed: int) -> Untangled:
+    """Follow one beginning, with the time free; fly its ways sooner, near to limits."""
+    found = Elastic(crowd, seed).run(_SLOWER[seed % len(_SLOWER)])
     if found.duration <= crowd.duration or hopeless(found):
         return found
-    sooner = _sooner(crowd, found, found.duration / crowd.duration)
+    slower = found.duration / crowd.duration
+    known = found.aside(np.arange(len(crowd.places)), crowd.times * slower)
+    sooner = Elastic(crowd, known=known).run(slower)
     best = min(found, sooner, key=_needed)
     return replace(best, work=found.work + sooner.work)
-
-
-def _sooner(crowd: Crowd, found: Untangled, slower: float) -> Untangled:
-    """Go on from changes, at first so much slower than the crowd, in less time."""
-    times = crowd.times * (found.duration / crowd.duration)
-    known = found.aside(np.arange(len(crowd.places)), times)
-    return Elastic(crowd, known=known).run(slower)
 
 
 def _needed(found: Untangled) -> float:
