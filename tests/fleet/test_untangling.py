@@ -72,13 +72,12 @@ class Recording(InProcess):
 
     def __init__(self):
         super().__init__()
-        self.seeds, self.found = [], []
+        self.begun, self.found = [], []
 
     def run(self, function, tasks, *heard):
         found = super().run(function, tasks, *heard)
-        if isinstance(tasks[0][1], int):
-            self.seeds.append([seed for _, seed in tasks])
-            self.found += found
+        self.begun.append([beginning for _, beginning in tasks])
+        self.found += found
         return found
 
 
@@ -87,9 +86,9 @@ def test_beginnings_are_followed_two_at_once_until_both_are_in_vain():
     # Their time is too short to go round each other.
     crowd, workers = crowd_of(start, -start, Separation(1.0), duration=1.8), Recording()
     found = quickest(crowd, workers)
-    seeds = [seed for pair in workers.seeds for seed in pair]
-    assert seeds == list(range(2 * len(workers.seeds)))
-    assert len(workers.seeds) > 1
+    seeds = [seed for pair in workers.begun for seed in pair]
+    assert seeds == list(range(2 * len(workers.begun)))
+    assert len(workers.begun) > 1
     times = [one.duration for one in workers.found]
     least = np.minimum.accumulate(times)[1::2]
     assert np.all(least[1:-1] < 0.997 * least[:-2])
@@ -102,9 +101,50 @@ def test_where_a_beginning_needs_no_more_time_no_other_is_followed():
     start = np.array([[-4.5, 0.0, 0.0], [4.5, 0.3, 0.0], [0.0, -4.0, 0.2]])
     crowd, workers = crowd_of(start, -start, Separation(1.0)), Recording()
     found = quickest(crowd, workers)
-    assert workers.seeds == [[0, 1]]
+    assert workers.begun == [[0, 1]]
     assert found.wrong == 0.0
     assert crowd.duration <= found.duration < 1.003 * crowd.duration
+
+
+@pytest.mark.parametrize(("duration", "others"), [(1.8, [[0, 1]]), (DURATION, [])])
+def test_what_was_tried_in_the_crowds_own_time_is_the_first_beginning(duration, others):
+    level = np.mgrid[-2:3, -1:3].reshape(2, -1).T * 1.4
+    start = np.column_stack([level, np.zeros(20)])
+    crowd = crowd_of(start, -start, Separation(1.0), duration=duration)
+    tried, workers = untangle(crowd, free=True), Recording()
+    # What little time allows is not flown, but its limits are nearly kept.
+    assert (tried.wrong > 3.0) == bool(others)
+    found = quickest(crowd, workers, tried)
+    assert workers.begun[: 1 + len(others)] == [[tried], *others]
+    assert len(workers.begun) == 1 or others
+    assert not untangling.hopeless(found)
+    assert found.work == sum(one.work for one in workers.found)
+
+
+@pytest.mark.parametrize(
+    ("drones", "free", "broken"),
+    [
+        (13, True, 20.0),
+        (13, False, 9.0),
+        (12, True, 9.0),
+    ],
+)
+def test_many_that_nothing_parts_go_on_in_more_time_from_changes_nearest_to_limits(
+    drones, free, broken, monkeypatch
+):
+    searches = Changed(9.0, 0.3), Changed(20.0, 0.1)
+    monkeypatch.setattr(untangling, "_searches", lambda *_, **__: iter(searches))
+    start = np.zeros((drones, 3))
+    start[:, 0] = 2.0 * np.arange(drones)
+    crowd = crowd_of(start, -start, Separation(1.0))
+    assert untangle(crowd, free=free).broken == broken
+
+
+def test_few_begin_with_random_ways_in_more_time():
+    start = 4.0 * np.array([[-1.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.0, -1.0, 0.1]])
+    crowd, workers = crowd_of(start, -start, Separation(1.0)), Recording()
+    quickest(crowd, workers, untangle(crowd, free=True))
+    assert workers.begun[0] == [0, 1]
 
 
 def test_ways_of_a_beginning_are_flown_sooner_and_keep_apart():

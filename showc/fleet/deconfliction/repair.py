@@ -316,7 +316,7 @@ class Repair:
         free = self.move.free and known is None
         found = self.made.untangle(partial(untangle, free=free), crowd, known)
         if free and hopeless(found) and not self.move.draft:
-            found = self.made.worked(quickest(crowd, self.made.workers))
+            found = self.made.worked(quickest(crowd, self.made.workers, found))
         return found
 
     def led(self, found: Untangled) -> Ways:
