@@ -247,17 +247,20 @@ class Search:
         """
         if self._drafts_on(gap):
             return next(longer for longer in _DRAFT_GAPS if longer > gap)
-        if self.ways is not None:
-            self.step *= 2.0
-            return (1.0 + gap) * (1.0 + self.step) - 1.0
-        if repair.crowd is None or not repair.move.free:
+        if self.ways is None and repair.crowd is not None and repair.move.free:
+            if repair.tangled:
+                found = repair.soonest
+                if found is None:
+                    found = quickest(repair.crowd, self.workers)
+                    self.work += found.work / PRODUCTS
+                self.ways = repair.led(found)
+                return max(found.duration / least - 1.0, gap + _SOON)
+            # Few pairs are left that come too near: a little more time may part them.
+            self.ways = repair.ways
+        if self.ways is None:
             return self._growth(repair, gap) * gap
-        found = repair.soonest
-        if found is None:
-            found = quickest(repair.crowd, self.workers)
-            self.work += found.work / PRODUCTS
-        self.ways = repair.led(found)
-        return max(found.duration / least - 1.0, gap + _SOON)
+        self.step *= 2.0
+        return (1.0 + gap) * (1.0 + self.step) - 1.0
 
     def _drafts_on(self, gap: float) -> bool:
         """Whether a draft tries longer times before it flies in closed form."""

@@ -172,6 +172,58 @@ def test_a_time_in_which_nothing_was_found_is_not_called_impossible():
     assert "needs >=" not in str(caught.value)
 
 
+LINE = np.array([[1.0 * k, 0.0, 20.0] for k in range(4)])
+"""Places of drones in a line, as near as the separation allows."""
+
+
+@pytest.mark.parametrize("tangled", [0.0, 10.0])
+def test_after_few_pairs_were_left_the_same_ways_are_tried_in_a_little_more_time(
+    tangled, monkeypatch
+):
+    looking = search(make_leg(LINE, LINE[::-1], limits=WIDE))
+    left = looking.at(3.0)
+    assert left.crowd is not None
+    left.tangled, looked = tangled, []
+    found = replace(
+        untangle(left.crowd), duration=3.5, coefficients=0.0 * left.crowd.places
+    )
+    monkeypatch.setattr(module, "quickest", lambda *_: looked.append(1) or found)
+    monkeypatch.setattr(left, "led", lambda one: one)
+    gap = looking._later(left, 0.001, 2.0)
+    if tangled:
+        assert gap == pytest.approx(0.75) and looked
+        assert looking.ways is found
+    else:
+        assert gap == pytest.approx(1.001 * (1.0 + module._STEP) - 1.0) and not looked
+        assert looking.ways.bent.keys() == left.ways.bent.keys()
+    again = looking._later(left, gap, 2.0)
+    steps = {0.0: 2.0, 10.0: 1.0}[tangled] * module._STEP
+    assert again == pytest.approx((1.0 + gap) * (1.0 + steps) - 1.0)
+
+
+def test_a_try_ends_where_single_drones_move_in_vain(monkeypatch):
+    """Neighbours begin as near as may be; little time is left to turn aside."""
+    lacks, settle = [], Repair._settle
+
+    def settled(self):
+        done = settle(self)
+        lacks.append(self.flights.lacking(self.flights.conflicts()))
+        return done
+
+    monkeypatch.setattr(Repair, "_settle", settled)
+    looking = search(make_leg(LINE, LINE[::-1], limits=WIDE))
+    least = looking.limiting(solve=True).time
+    ways = looking.at(1.2 * least).ways
+    lacks.clear()
+    looking.at(1.14 * least, ways)
+    assert len(lacks) > 2
+    # Nothing that single drones gain is enough now.
+    monkeypatch.setattr(repair, "_LESS", 1e-9)
+    lacks.clear()
+    assert not looking.at(1.14 * least, ways).done
+    assert len(lacks) == 2
+
+
 @pytest.fixture
 def hasty(monkeypatch):
     """Let a search that looks for the time in which a crowd parts soonest fail."""

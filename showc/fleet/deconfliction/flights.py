@@ -275,6 +275,10 @@ class Flights:
         own = found.distance[found.first == 0]
         return float(np.sum(self.separation.distance - own))
 
+    def lacking(self, found: Encounters) -> float:
+        """Sum of what the distances of pairs that come too near lack [m]."""
+        return float(np.sum(self.separation.distance - found.distance))
+
     def _found(self, flights: Sequence[Trajectory]) -> Encounters:
         return conflicts(
             tracks_of(flights, others=self.others),

@@ -49,8 +49,8 @@ _STILL = 1e-9
 """Length of a way that has no direction [m]."""
 _FEW_LEFT, _FALLING, _LESS = 8, 0.1, 0.8
 """Conflicts up to which every one fewer counts, and a fifth less of what they lack; of
-more, a tenth has to go in half as many rounds. With this few left, single drones move
-around all others."""
+more, a tenth has to go in half as many rounds. Few are left to single drones, which
+move around all others while that fifth goes."""
 _SOME, _DEEP, _SLIGHT = 24, 0.1, 0.01
 """Conflicts up to which few drones settle one by one (more drones: ``_FEW_LEFT``),
 share of the separation that they may lack on average, and share up to which drones
@@ -127,6 +127,8 @@ class Repair:
         """How readily each drone is moved aside: less where it did not follow."""
         self._often: dict[tuple[int, int], int] = {}
         """In how many rounds each pair came too near all the same."""
+        self._settled = np.inf
+        """What pairs lacked at least after single drones had moved [m]."""
 
     @property
     def trajectories(self) -> tuple[Trajectory, ...]:
@@ -204,12 +206,12 @@ class Repair:
         for number in range(self.move.rounds + 1):
             found, astray = self.flights.conflicts(), self.flights.astray()
             count = len(found) + len(astray)
-            lack = float((self.separation.distance - found.distance).sum())
+            lack = self.flights.lacking(found)
             if number == 0:
                 first = lack
                 self.made.count("first_conflicts", len(found))
             slight = lack < _SLIGHT * self.separation.distance * count
-            settles = number and slight and self.flights.few
+            settles = number and slight and self.flights.few and count <= _SOME
             if not count or (settles and self._settle()):
                 return True
             self.trouble = self.flights.wrong(found, astray)
@@ -227,8 +229,9 @@ class Repair:
             better = count <= wanted or (not many and lack < _LESS * least)
             stalled = 0 if better else stalled + 1
             fewest, least = min(fewest, count), min(least, lack)
-            if stalled > (_PATIENCE // 2 if many else _PATIENCE):
-                return self._settle()
+            vain = settles and not self._gains()
+            if vain or stalled > (_PATIENCE // 2 if many else _PATIENCE):
+                return not vain and self._settle()
             self.made.count("repair_rounds")
             for pair in zip(found.first.tolist(), found.second.tolist(), strict=True):
                 self._often[pair] = self._often.get(pair, 0) + 1
@@ -462,6 +465,12 @@ class Repair:
             np.concatenate(normal),
             np.concatenate(offset),
         )
+
+    def _gains(self) -> bool:
+        """Whether single drones left pairs lacking less than they ever did before."""
+        lack = self.flights.lacking(self.flights.conflicts())
+        before, self._settled = self._settled, min(self._settled, lack)
+        return lack < _LESS * before
 
     def _spent(self) -> bool:
         """Whether as much was solved as may be."""
