@@ -111,7 +111,7 @@ def test_what_was_tried_in_the_crowds_own_time_is_the_first_beginning(duration, 
     level = np.mgrid[-2:3, -1:3].reshape(2, -1).T * 1.4
     start = np.column_stack([level, np.zeros(20)])
     crowd = crowd_of(start, -start, Separation(1.0), duration=duration)
-    tried, workers = untangle(crowd, free=True), Recording()
+    tried, workers = untangle(crowd, free=True, onward=True), Recording()
     # What little time allows is not flown, but its limits are nearly kept.
     assert (tried.wrong > 3.0) == bool(others)
     found = quickest(crowd, workers, tried)
@@ -122,7 +122,7 @@ def test_what_was_tried_in_the_crowds_own_time_is_the_first_beginning(duration, 
 
 
 @pytest.mark.parametrize(
-    ("drones", "free", "broken"),
+    ("drones", "onward", "broken"),
     [
         (13, True, 20.0),
         (13, False, 9.0),
@@ -130,20 +130,20 @@ def test_what_was_tried_in_the_crowds_own_time_is_the_first_beginning(duration, 
     ],
 )
 def test_many_that_nothing_parts_go_on_in_more_time_from_changes_nearest_to_limits(
-    drones, free, broken, monkeypatch
+    drones, onward, broken, monkeypatch
 ):
     searches = Changed(9.0, 0.3), Changed(20.0, 0.1)
     monkeypatch.setattr(untangling, "_searches", lambda *_, **__: iter(searches))
     start = np.zeros((drones, 3))
     start[:, 0] = 2.0 * np.arange(drones)
     crowd = crowd_of(start, -start, Separation(1.0))
-    assert untangle(crowd, free=free).broken == broken
+    assert untangle(crowd, free=True, onward=onward).broken == broken
 
 
 def test_few_begin_with_random_ways_in_more_time():
     start = 4.0 * np.array([[-1.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.0, -1.0, 0.1]])
     crowd, workers = crowd_of(start, -start, Separation(1.0)), Recording()
-    quickest(crowd, workers, untangle(crowd, free=True))
+    quickest(crowd, workers, untangle(crowd, free=True, onward=True))
     assert workers.begun[0] == [0, 1]
 
 

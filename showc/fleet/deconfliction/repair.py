@@ -205,8 +205,7 @@ class Repair:
         least = first = np.inf
         for number in range(self.move.rounds + 1):
             found, astray = self.flights.conflicts(), self.flights.astray()
-            count = len(found) + len(astray)
-            lack = self.flights.lacking(found)
+            count, lack = len(found) + len(astray), self.flights.lacking(found)
             if number == 0:
                 first = lack
                 self.made.count("first_conflicts", len(found))
@@ -273,14 +272,13 @@ class Repair:
             found = self.made.untangle(untangle_near, self._crowd(met), rows)
         flights, count = self.flights, len(self.flights.flown)
         many = sorted(each * count + more for each, more in _TANGLED)[1]
-        few = count <= _FEW_DRONES
         many = max(many, count if count <= _DOZEN else _HARDLY)
         if found.duration > (1.0 + SOON) * self.duration:
             self.soonest, self.tangled = found, _NOT_AT_ALL
             return False
         if round_ == 0 and found.wrong > many:
             # The time is too short for this crowd: no flight of it is worth a solve.
-            self.tangled = _NOT_AT_ALL if few else found.wrong / many
+            self.tangled = _NOT_AT_ALL if count <= _FEW_DRONES else found.wrong / many
             return False
         least = _LEAST * self.separation.distance
         size = np.abs(found.coefficients).max(axis=(1, 2))
@@ -317,8 +315,10 @@ class Repair:
         """Change all flights at once, in more time where that is what it takes."""
         known = self._known()
         free = self.move.free and known is None
-        found = self.made.untangle(partial(untangle, free=free), crowd, known)
-        if free and hopeless(found) and not self.move.draft:
+        onward = free and not self.move.draft
+        task = partial(untangle, free=free, onward=onward)
+        found = self.made.untangle(task, crowd, known)
+        if onward and hopeless(found):
             found = self.made.worked(quickest(crowd, self.made.workers, found))
         return found
 

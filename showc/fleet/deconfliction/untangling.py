@@ -65,11 +65,9 @@ def untangle(
     *,
     anew: bool = True,
     free: bool = False,
+    onward: bool = False,
 ) -> Untangled:
     """Change flights of a crowd until all pairs keep apart, as gently as can be.
-
-    Where more time may be taken, :func:`quickest` goes on from what is
-    :func:`hopeless` here.
 
     Parameters
     ----------
@@ -80,6 +78,8 @@ def untangle(
         the same crowd at another pace.
     free
         Whether more time may be taken than the crowd's.
+    onward
+        Whether :func:`quickest` goes on from what is :func:`hopeless` here.
     """
 
     def lacking(found: Untangled) -> float:
@@ -93,7 +93,7 @@ def untangle(
         if lacking(found) == 0.0 or (anew and not hopeless(found)):
             break
     best = min(tried, key=lacking)
-    if free and not _few(crowd) and hopeless(best):
+    if onward and not _few(crowd) and hopeless(best):
         # Changes that keep limits nearly are parted in less time than others.
         best = min(tried, key=lambda found: found.excess.sum())
     return replace(best, work=sum(found.work for found in tried))
