@@ -5,7 +5,7 @@ import pytest
 from fleet.handmade import LIMITS, VEHICLE
 
 from showc.fleet.shared_profile.synchronise import best_profile
-from showc.fleet.single_drone import common_time
+from showc.fleet.single_drone import avoiding, common_time
 from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.avoiding import SLOTS, Passage, avoid
 from showc.fleet.single_drone.common_time import OPTIMAL, Known, fly_near
@@ -77,6 +77,20 @@ def test_walls_are_kept_to_the_clearance_and_only_where_they_stand():
     assert np.array_equal(again.state.breaks, bent.state.breaks)
     apart = again.state(behind)[:, :3] - bent.state(behind)[:, :3]
     assert np.linalg.norm(apart, axis=1).max() < 0.05
+
+
+def test_next_to_the_ends_walls_ask_for_less_and_count_more():
+    whole = Walls(
+        np.arange(INTERVALS),
+        np.tile([0.0, 1.0, 0.0], (INTERVALS, 2, 1)),
+        np.full((INTERVALS, WALL_DEGREE + 1), 0.5),
+    )
+    passage = Passage(whole, straight(profile(4.0)), 0.04)
+    times = np.array([0.0, 0.125, 0.25, 2.0, 3.75, 3.875, 4.0])
+    weight, offset = avoiding._laid(passage, times)[:, 0, [1, 3]].T
+    assert weight == pytest.approx([300.0, 8.0, 1.0, 1.0, 1.0, 8.0, 300.0])
+    eased = np.array([0.0, 0.125, 1.0, 1.0, 1.0, 0.125, 0.0])
+    assert offset / weight == pytest.approx(0.5 + 0.04 * eased)
 
 
 def test_of_more_walls_than_count_the_farthest_ones_are_left_out():

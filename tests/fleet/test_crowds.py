@@ -224,6 +224,27 @@ def test_a_try_ends_where_single_drones_move_in_vain(monkeypatch):
     assert len(lacks) == 2
 
 
+@pytest.mark.parametrize("seed", [1, 3, 13, 15])
+def test_neighbours_at_the_separation_leave_and_arrive_in_little_more_time(seed):
+    """Lacks of micrometres in their first and last instants are conflicts as well."""
+    draw = np.random.default_rng(seed)
+    count = int(draw.integers(6, 13))
+    plane = np.array([(i, j, 0) for i in range(4) for j in range(4)], dtype=float)
+    row = np.array([(k - (count - 1) / 2, 0, 0) for k in range(count)])
+    block = np.array(list(np.ndindex(3, 3, 3)), dtype=float)
+
+    def places(of):
+        return of[draw.permutation(len(of))[:count]]
+
+    ends = ((plane, row), (block, plane))[seed % 3 == 0]
+    start, goal = (places(of) + [0.0, 0.0, 20.0] for of in ends)
+    goal += draw.uniform(-5.0, 5.0, 3) + [0.0, 0.0, 4.0]
+    cost = ((start[:, None] - goal) ** 2).sum(axis=2)
+    goal = goal[linear_sum_assignment(cost)[1]]
+    looking = search(make_leg(start, goal, limits=WIDE))
+    assert looking.at(1.03 * looking.limiting(solve=True).time).done
+
+
 @pytest.fixture
 def hasty(monkeypatch):
     """Let a search that looks for the time in which a crowd parts soonest fail."""

@@ -53,6 +53,10 @@ STIFFNESS = 100.0
 INTERVALS = 24
 """Intervals of the coarsest program: one serves a drone before and after walls are
 laid, and building two takes longer."""
+EASE, HEAVIEST = 0.25, 300.0
+"""Time next to either end in which a drone cannot be far aside [s], and how much more
+a lack may count there: of 23 tries between places at the separation 18 came out, not
+13, for a fifth less work."""
 LONGEST = 0.35
 """Longest interval along a wall [s]: drones turn aside within about a second."""
 TOLERANCE, BARRIER, INSET = 1e-3, 0.1, 1e-5
@@ -184,6 +188,7 @@ def _cut(
 def _laid(passage: Passage, times: FloatArray) -> FloatArray:
     """Lay out the walls that count at each time: normals and offsets, (n, SLOTS, 4).
 
+    Both are multiplied by what lacks count more there.
     Slots that are not needed hold a wall that is kept everywhere.
     """
     walls, present = passage.walls, passage.way
@@ -198,15 +203,38 @@ def _laid(passage: Passage, times: FloatArray) -> FloatArray:
     normal = (1.0 - share)[:, None] * walls.normal[wall, 0]
     normal += share[:, None] * walls.normal[wall, 1]
     basis = bernstein_basis(WALL_DEGREE, share)
-    offset = np.einsum("nk,nk->n", basis, walls.offset[wall]) + passage.clearance
+    ahead = np.minimum(times, present.end - times)[time]
+    clearance, weight = _cleared(passage, ahead)
+    offset = np.einsum("nk,nk->n", basis, walls.offset[wall]) + clearance
     lack = offset - np.einsum("nc,nc->n", normal, present(times[time]))
     order = np.lexsort((wall, -lack, time))
-    time, normal, offset = time[order], normal[order], offset[order]
+    time, weight = time[order], weight[order]
+    normal, offset = weight[:, None] * normal[order], weight * offset[order]
     slot = np.arange(time.size) - np.searchsorted(time, time)
     keep = slot < SLOTS
     laid[time[keep], slot[keep], :3] = normal[keep]
     laid[time[keep], slot[keep], 3] = offset[keep]
     return laid
+
+
+def _cleared(passage: Passage, ahead: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Ease the aim behind walls next to the ends, and raise the price of lacks.
+
+    A drone leaves rest with its jerk, so it gets aside with the third power of time.
+    Of neighbours that stand at the separation, micrometres are a conflict there.
+
+    Parameters
+    ----------
+    ahead
+        Times to the nearer end [s].
+
+    Returns
+    -------
+    tuple
+        How far behind walls to aim [m], and by what walls count more, each (n,).
+    """
+    eased = np.clip(ahead / EASE, 0.0, 1.0) ** 3
+    return passage.clearance * eased, 1.0 / np.maximum(eased, 1.0 / HEAVIEST)
 
 
 @lru_cache(maxsize=16)
