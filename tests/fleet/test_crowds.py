@@ -203,25 +203,28 @@ def test_after_few_pairs_were_left_the_same_ways_are_tried_in_a_little_more_time
 
 def test_a_try_ends_where_single_drones_move_in_vain(monkeypatch):
     """Neighbours begin as near as may be; little time is left to turn aside."""
-    lacks, settle = [], Repair._settle
-
-    def settled(self):
-        done = settle(self)
-        lacks.append(self.flights.lacking(self.flights.conflicts()))
-        return done
-
-    monkeypatch.setattr(Repair, "_settle", settled)
+    moved, settle = [], Repair._settle
+    monkeypatch.setattr(Repair, "_settle", lambda self: moved.append(1) or settle(self))
     looking = search(make_leg(LINE, LINE[::-1], limits=WIDE))
     least = looking.limiting(solve=True).time
     ways = looking.at(1.2 * least).ways
-    lacks.clear()
-    looking.at(1.14 * least, ways)
-    assert len(lacks) > 2
-    # Nothing that single drones gain is enough now.
-    monkeypatch.setattr(repair, "_LESS", 1e-9)
-    lacks.clear()
-    assert not looking.at(1.14 * least, ways).done
-    assert len(lacks) == 2
+    counts = []
+    for gains in (True, False):
+        monkeypatch.setattr(Repair, "_gains", lambda _, gains=gains: gains)
+        moved.clear()
+        tried = looking.at(1.14 * least, ways)
+        counts.append(len(moved))
+    assert not tried.done
+    assert counts[0] > counts[1] == 1
+
+
+def test_single_drones_gain_where_a_fifth_less_is_lacking_than_ever_before(monkeypatch):
+    left = search(make_leg(LINE, LINE[::-1], limits=WIDE)).at(3.0)
+    lacks = iter([0.10, 0.07, 0.06, 0.09, 0.04])
+    monkeypatch.setattr(left.flights, "lacking", lambda _: next(lacks))
+    left._settled = np.inf
+    gains = [left._gains() for _ in range(5)]
+    assert gains == [True, True, False, False, True]
 
 
 @pytest.mark.parametrize("seed", [1, 3, 13, 15])
