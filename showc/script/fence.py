@@ -344,16 +344,19 @@ class Fence:
     ) -> list[Plane]:
         """Cut the room about a straight piece of a way down to a convex one.
 
+        Where the piece leaves the fence, planes lead back.
+
         Parameters
         ----------
         start, end
-            Ends of the piece, shape (2,) [m], inside the fence.
+            Ends of the piece, shape (2,) [m].
         reach
             Distance beyond which the fence does not matter [m].
         margin
             Distance that the planes keep from the fence [m].
         """
         edges = np.stack([self.corners, np.roll(self.corners, -1, axis=0)], axis=1)
+        leaves = not inside_polygon(np.stack([start, end]), self.corners).all()
         planes: list[Plane] = []
         while len(edges):
             on_edge, on_way = _nearest_pairs(edges, start, end)
@@ -363,9 +366,12 @@ class Fence:
             if distance[first] > reach or distance[first] < TOLERANCE:
                 break
             normal = gap[first] / distance[first]
+            if leaves and not inside_polygon(on_way[first][None], self.corners)[0]:
+                normal = -normal
             level = float(normal @ on_edge[first])
             planes.append(Plane((float(normal[0]), float(normal[1])), level + margin))
-            edges = _in_front(edges, normal, level)
+            # All of the nearest edge is behind, unless the piece crosses it.
+            edges = _in_front(np.delete(edges, first, axis=0), normal, level)
         return planes
 
 

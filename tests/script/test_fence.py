@@ -104,6 +104,30 @@ def test_a_corridor_holds_its_way_and_nothing_nearer_to_the_fence_than_asked(see
     assert fence.clearance(near).min(initial=1.0) >= 1.0 - 1e-6
 
 
+@settings(max_examples=200, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_a_corridor_ends_and_leads_a_way_outside_the_fence_back(seed):
+    rng = np.random.default_rng(seed)
+    fence = Fence(list(SHAPES.values())[seed % 4], 1.0)
+    start = rng.uniform(-31.0, 31.0, 2)
+    end = start + rng.uniform(-4.0, 4.0, 2)
+    planes = fence.corridor(start, end, 6.0, 1.0)
+    assert len(planes) <= len(fence.corners)
+    piece = along(np.stack([start, end]))
+    clearance = fence.clearance(piece)
+    if -5.0 < clearance.max() < -0.1:
+        nearest = piece[clearance.argmax()]
+        back = nearest + 0.1 * np.array(planes[0].normal)
+        assert fence.clearance(back[None]) > clearance.max() + 0.09
+
+
+@pytest.mark.parametrize("corners", SHAPES.values(), ids=SHAPES)
+def test_a_corridor_holds_a_way_across_an_edge_on_the_inner_side(corners):
+    start, end = np.array([-27.0, 0.0]), np.array([-30.4, 0.0])
+    outer = Fence(corners, 1.0).corridor(start, end, 2.0, 1.0)
+    assert [(plane.normal, plane.offset) for plane in outer] == [((1.0, 0.0), -29.0)]
+
+
 @pytest.mark.parametrize("corners", SHAPES.values(), ids=SHAPES)
 def test_whole_outlines_cross_themselves_nowhere(corners):
     assert crossed_edges(corners) is None
