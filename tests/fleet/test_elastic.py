@@ -10,6 +10,7 @@ import scipy.optimize
 from fleet.handmade import LIMITS, VEHICLE
 from fleet.test_untangling import INTERVALS, crowd_of, flown
 
+from showc.fleet.deconfliction import elastic
 from showc.fleet.deconfliction.crowd import Allowed, Planes, sampled
 from showc.fleet.deconfliction.elastic import Elastic
 from showc.fleet.single_drone.model import Aircraft
@@ -123,6 +124,27 @@ def test_where_the_time_is_free_the_last_stage_only_mends(
     ways = Elastic(crowd_of(start, start * [-1.0, 1.0, 1.0], Separation(1.0)))
     assert ways.run(slower).wrong == wrong
     assert len(steps) == stages
+
+
+@pytest.mark.parametrize(
+    ("drones", "slower", "share"),
+    [(2, 1.1, 1 / 3), (24, 1.1, 2 / 3), (40, 1.1, 1.0), (2, None, 1.0)],
+)
+def test_few_drones_take_fewer_steps_where_the_time_is_free(
+    monkeypatch, drones, slower, share
+):
+    minimize, steps = scipy.optimize.minimize, []
+
+    def counting(*task, options, **means):
+        steps.append(options["maxiter"])
+        return minimize(*task, options=options | {"maxiter": 1}, **means)
+
+    monkeypatch.setattr(scipy.optimize, "minimize", counting)
+    monkeypatch.setattr(Elastic, "_judged", lambda *_: SimpleNamespace(wrong=1.0))
+    start = np.column_stack([9.0 * np.arange(drones), *np.zeros((2, drones))])
+    Elastic(crowd_of(start, start + [0.0, 9.0, 0.0], Separation(1.0))).run(slower)
+    most = [stage[-1] for stage in elastic._STAGES]
+    assert steps == [round(share * one) for one in most]
 
 
 def test_what_drones_use_when_they_fly_alone_slows_nothing():
