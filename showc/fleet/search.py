@@ -235,8 +235,8 @@ class Search:
                 break
             ways = self.ways
             gap = min(self._later(repair, gap, least), longest)
-            # Nothing has failed with ways that are just found.
-            failed = time if self.ways is ways else 0.0
+            # Nothing has failed with ways that are just found in more time.
+            failed = 0.0 if repair.tangled and self.ways is not ways else time
         return self._narrowed(best, max(failed, limiting.time), limiting), limiting
 
     def _later(self, repair: Repair, gap: float, least: float) -> float:

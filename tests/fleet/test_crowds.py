@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -216,6 +217,31 @@ def test_a_try_ends_where_single_drones_move_in_vain(monkeypatch):
         counts.append(len(moved))
     assert not tried.done
     assert counts[0] > counts[1] == 1
+
+
+def test_single_drones_are_solved_again_only_among_other_flights(monkeypatch):
+    met = SimpleNamespace(
+        first=np.array([0, 1, 2]),
+        second=np.array([1, 2, 3]),
+        distance=np.array([0.9, 0.7, 0.8]),
+    )
+    asked = []
+    bending = search(make_leg(LINE, LINE + 9.0, limits=WIDE)).at(9.0)._bending
+    monkeypatch.setattr(bending, "_around_others", lambda row, _: asked.append(row))
+    assert not bending.one_by_one(met, 1)
+    assert asked == [1, 2, 3, 0]
+    # Where one finds a way, others may find theirs now.
+    gains = iter([False, False, False, True])
+    monkeypatch.setattr(
+        bending, "_around_others", lambda row, _: asked.append(row) or next(gains, 0)
+    )
+    asked.clear()
+    assert bending.one_by_one(met, 1)
+    assert asked == [1, 2, 3, 0]
+    gains = iter([False, False, True])
+    asked.clear()
+    assert bending.one_by_one(met, 1)
+    assert asked == [1, 2, 3, 0, 1]
 
 
 def test_single_drones_gain_where_a_fifth_less_is_lacking_than_ever_before(monkeypatch):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from showc.fleet.deconfliction.enclosure import fence_walls
 from showc.fleet.deconfliction.walls import gathered, interpolated, pair_walls
 from showc.fleet.single_drone.avoiding import Passage
@@ -13,6 +15,7 @@ from showc.vehicle.metric import measure
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from showc.fleet.deconfliction.conflicts import Encounters
     from showc.fleet.deconfliction.flights import Flights, Work
     from showc.fleet.deconfliction.walls import Laid, PairWalls
     from showc.fleet.single_drone.common_time import Outcome
@@ -99,7 +102,27 @@ class Bending:
                 flights.take(row, kind, flight)
         return changed
 
-    def around_others(self, row: int, tries: int) -> bool:
+    def one_by_one(self, met: Encounters, tries: int) -> bool:
+        """Solve drones of pairs that come too near around all others, one by one.
+
+        The worst pair comes first, and of each pair the second drone only if the first
+        finds nothing better. Returns whether any did.
+        """
+        better = False
+        # Drones that would be solved again among the same flights, in vain.
+        vain: set[int] = set()
+        for number in np.argsort(met.distance, kind="stable").tolist():
+            for row in (int(met.first[number]), int(met.second[number])):
+                if row in vain:
+                    continue
+                if self._around_others(row, tries):
+                    better = True
+                    vain.clear()
+                    break
+                vain.add(row)
+        return better
+
+    def _around_others(self, row: int, tries: int) -> bool:
         """Solve one drone around all others as they fly; whether that is better."""
         flights, separation = self.flights, self.flights.separation
         if row >= len(flights.flown) or flights.hovers[row]:

@@ -486,15 +486,11 @@ class Repair:
             found = self.flights.conflicts()
             if not len(found):
                 return not self.flights.astray()
-            changed = False
             lack = self.separation.distance - found.distance
             deep = float(lack.mean()) > _DEEP * self.separation.distance
             some = _SOME if self.flights.few else _FEW_LEFT
             if len(found) > some or deep or self._spent():
                 return False
-            for number in np.argsort(found.distance, kind="stable").tolist():
-                pair = int(found.first[number]), int(found.second[number])
-                changed |= any(self._bending.around_others(row, tries) for row in pair)
-            if not changed and tries == _SETTLING:
+            if not self._bending.one_by_one(found, tries) and tries == _SETTLING:
                 return False
         return not len(self.flights.conflicts()) and not self.flights.astray()
