@@ -416,3 +416,22 @@ def test_a_hundred_warnings_are_no_error(tmp_path):
     assert result.show is not None
     assert len(result.warnings) == 101
     assert result.warnings[-1].code == "SHW119"
+
+
+@pytest.mark.parametrize("sign", ["\x1b", "\a", "\n", "\t", "\u202e", "\u2066"])
+def test_names_that_would_steer_a_terminal_are_findings(tmp_path, sign):
+    written = json.dumps(f"a{sign}b")
+    show = f"showc: 1\nname: {written}\ndrones: 4\nformations: {{it: {{type: grid}}}}\n"
+    show += f"transitions: [{{to: it, name: {written}}}]\n"
+    (tmp_path / "show.yaml").write_text(show)
+    found = load_show(str(tmp_path / "show.yaml")).errors
+    assert [item.code for item in found] == ["SHW103", "SHW103"]
+    assert all(f"U+{ord(sign):04X}" in item.message for item in found)
+
+
+def test_names_of_other_tongues_and_signs_are_none(tmp_path):
+    names = "Été\u00a02026, שלום, 星空, 👩\u200d🚀"
+    show = f"showc: 1\nname: {names}\ndrones: 2\n"
+    show += 'formations: {it: {type: text, text: "I\\nI"}}\ntransitions: [it]\n'
+    (tmp_path / "show.yaml").write_text(show)
+    assert not load_show(str(tmp_path / "show.yaml")).errors

@@ -51,7 +51,7 @@ SECTION = Section(
     (
         Field(
             "text",
-            Text(100),
+            Text(100, lines=True),
             "The text. `\\n` in double quotes begins a new line.",
             required=True,
             examples=("HI", "2025"),

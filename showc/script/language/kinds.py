@@ -44,6 +44,8 @@ class Text:
     """Regular expression of the whole text; empty: any."""
     says: str = ""
     """The pattern in words."""
+    lines: bool = False
+    """Whether it may have several lines."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from contextlib import suppress
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
@@ -55,6 +56,8 @@ _YES_NO = {"yes", "no", "on", "off", "y", "n"}
 _TRUTH = {"true": True, "false": False}
 
 
+_TURNS = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
+"""Kinds of signs that turn the direction of what follows them (Unicode, UAX 9)."""
 _LONGEST_WORD = 60
 """Longest name there is [characters]."""
 _MOST_NAMES = 300
@@ -299,6 +302,13 @@ def _text(kind: kinds.Text, node: Scalar, key: str) -> str:
             f"`{key}` has {len(node.text)} characters; at most {kind.max_length} are "
             "allowed",
         )
+    steering = [sign for sign in node.text if _steers(sign)]
+    if steering and not (kind.lines and set(steering) == {"\n"}):
+        raise ScriptError(
+            "SHW103",
+            f"`{key}` has the control character U+{ord(steering[0]):04X}; expected "
+            "letters that can be printed",
+        )
     if kind.pattern and re.fullmatch(kind.pattern, node.text) is None:
         right = _range(node.text)
         sound = right and (right[0] == "[" or re.fullmatch(kind.pattern, right))
@@ -309,6 +319,12 @@ def _text(kind: kinds.Text, node: Scalar, key: str) -> str:
             fix=right if sound else "",
         )
     return node.text
+
+
+def _steers(sign: str) -> bool:
+    """Whether a sign moves a terminal's cursor or turns a line's direction round."""
+    turns = unicodedata.bidirectional(sign) in _TURNS
+    return turns or unicodedata.category(sign) == "Cc"
 
 
 def _range(text: str) -> str:
