@@ -279,6 +279,9 @@ def table(compiled: Compiled) -> str:
         ),
         f"  manifest  {compiled.folder / 'manifest.json'}",
     ]
-    lines += [f"  note: {warning}" for warning in compiled.warnings]
+    notes = [one for one in compiled.warnings if one != compiled.refused]
+    lines += [f"  note: {note}" for note in notes]
+    if compiled.refused:
+        lines.append(f"error: {compiled.refused}")
     lines.append(f"next: showc verify {compiled.log}")
     return "\n".join(lines)

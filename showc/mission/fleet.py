@@ -233,7 +233,8 @@ def _warnings(
     changed = [leg for leg in legs if leg["encoding"] != "straight"]
     if changed:
         longest = max(changed, key=lambda leg: leg["duration"])
-        more = f"; so are {len(changed) - 1} shorter legs" if changed[1:] else ""
+        others = len(changed) - 1
+        more = f"; shorter legs that need such a form: {others}" if others else ""
         found.append(
             f"to keep drones apart, missions fly `{longest['name']}` in the form "
             f"“{longest['encoding']}”{more}"

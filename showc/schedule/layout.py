@@ -194,7 +194,7 @@ class _Layout:
                     f"their lines by more than {BESIDE:g} m, slowed down "
                     f"{MOST_REVISIONS} times; fly the show with `showc stream`"
                 )
-            self.progress.stage("slowing legs on which drones overshoot", len(some))
+            self.progress.stage("slowing legs on which drones overshoot", len(some) + 1)
             encodings |= self._encodings(some)
 
     def _tracked(

@@ -184,9 +184,8 @@ class Independent:
                 way = self.move.goal[row] - self.move.start[row]
                 self.late = row
                 self.trouble = (
-                    f"drone {self.move.names[row] + 1} finds no flight of its "
-                    f"{float(np.linalg.norm(way)):.2f} m in "
-                    f"{self.flights.duration:.3f} s: {message}"
+                    f"drone {self.move.names[row] + 1} on its way of "
+                    f"{float(np.linalg.norm(way)):.2f} m: {message}"
                 )
                 return False
             self.flights.take(row, kind, flight)

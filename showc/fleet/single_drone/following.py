@@ -6,6 +6,7 @@ where that shows a need another mesh or start follows.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -118,7 +119,7 @@ def follow(
         if duration < least:
             message = (
                 f"no flight in {duration:.3f} s: the shortest found, other drones "
-                f"aside, takes {least:.3f} s"
+                f"aside, takes {math.ceil(1e3 * least) / 1e3:.3f} s"
             )
         verdict = Verdict("infeasible", message)
     return verdict.result(programs, duration)
