@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import SolveError
+from showc.fleet.ends import check_ends, place
 from showc.fleet.execution.cache import Cache, leg_key
 from showc.fleet.execution.checkpoints import Checkpointing
 from showc.fleet.execution.journal import Journal, journals
 from showc.fleet.execution.pool import InProcess, Processes, workers
 from showc.fleet.lanes import put_together
-from showc.fleet.leg import check_ends, place, solve_leg
+from showc.fleet.leg import solve_leg
 from showc.fleet.proof import flaw
 from showc.fleet.timetable import settled, timetable
 from showc.flight import Flight, LegFlight

@@ -17,13 +17,8 @@ import numpy as np
 from showc.errors import SolveError
 from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.tracks import tracks_of
-from showc.fleet.leg import (
-    TOLERANCE,
-    aircraft_of,
-    nearest_pair,
-    pair_names,
-    place,
-)
+from showc.fleet.ends import TOLERANCE, pair_names, place
+from showc.fleet.leg import aircraft_of, nearest_pair
 from showc.fleet.single_drone.following import hover
 from showc.flight import Certificate, LegFlight, Trajectory
 from showc.trajectory import PiecewisePolynomial, concatenate

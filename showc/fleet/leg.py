@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.errors import SolveError
-from showc.fleet.deconfliction.conflicts import Encounters, closest, conflicts, standing
+from showc.fleet.deconfliction.conflicts import Encounters, closest, conflicts
 from showc.fleet.deconfliction.tracks import tracks_of
-from showc.fleet.deconfliction.walls import reversed_order
+from showc.fleet.ends import TOLERANCE, check_ends, pair_names, place
 from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.motion import fly_motion
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 _WORTH = 0.02
 """Share of the slowest drone's time beyond it from which on pairs are bounded."""
-TOLERANCE = 1e-6
-"""How much nearer than the separation a pair may come by rounding [m]."""
 
 
 def aircraft_of(show: Show, leg: Leg) -> Aircraft:
@@ -395,79 +393,6 @@ class _Solver:
         return pair_names(self.leg, int(found.first[0]), int(found.second[0]))
 
 
-def check_ends(leg: Leg, show: Show) -> None:
-    """Refuse places that break the separation, the flight volume or the fence.
-
-    Raises
-    ------
-    SolveError
-        Naming the drone or the pair, where they stand, and what to do.
-    """
-    limits, separation = leg.limits, show.separation
-    fence = Fence.of(show.site)
-    ends = [(leg.start, leg.from_formation), (leg.goal, leg.to_formation)]
-    if np.array_equal(leg.start, leg.goal):
-        del ends[1]
-    for points, formation in ends:
-        low, high = points - limits.position_min, limits.position_max - points
-        outside = (np.minimum(low, high) < -STILL).any(axis=1)
-        if outside.any():
-            drone = int(leg.drones[int(np.argmax(outside))])
-            x, y, z = points[int(np.argmax(outside))]
-            raise SolveError(
-                f"{place(leg)}: drone {drone + 1} at ({x:.2f}, {y:.2f}, {z:.2f}) m "
-                f"in {formation!r} is outside the flight volume; move the "
-                "formation or widen the volume"
-            )
-        if fence is not None and not fence.keeps(points[:, :2]).all():
-            clearance = fence.clearance(points[:, :2])
-            drone = int(leg.drones[int(np.argmin(clearance))])
-            raise SolveError(
-                f"{place(leg)}: drone {drone + 1} in {formation!r} is "
-                f"{clearance.min():.2f} m within the fence; the margin is "
-                f"{fence.margin:.2f} m; move the formation or the fence"
-            )
-        parked = leg.others_parked
-        found = standing(
-            points if parked is None else np.vstack([points, parked]),
-            len(points),
-            separation,
-            separation.distance - TOLERANCE,
-        )
-        if len(found):
-            first, second = int(found.first[0]), int(found.second[0])
-            stays = np.ones(len(points) + (0 if parked is None else len(parked)), bool)
-            stays[: len(points)] = (leg.start == leg.goal).all(axis=1)
-            waits = first if stays[first] else second
-            advice = "spread the formation"
-            if stays[first] != stays[second]:
-                name = pair_names(leg, first, second).split(" and ")[waits == second]
-                advice = (
-                    f"{name} waits there: move the formation away, or move it first"
-                )
-            raise SolveError(
-                f"{place(leg)}: {pair_names(leg, first, second)} stand "
-                f"{found.distance[0]:.3f} m apart in {formation!r}, the separation "
-                f"is {separation.distance:.3f} m; {advice}"
-            )
-    if separation.shape == "all-axes":
-        _check_order(leg, separation.distance)
-
-
-def _check_order(leg: Leg, distance: float) -> None:
-    """Refuse what no flight can do: change order with all axes kept apart."""
-    found = reversed_order(leg.start, leg.goal, leg.others_parked)
-    if found is not None:
-        first, second, axis = found
-        raise SolveError(
-            f"{place(leg)}: {pair_names(leg, first, second)} stand in one order along "
-            f"{'xyz'[axis]} in {leg.from_formation!r} and in the other in "
-            f"{leg.to_formation!r}, but have to be {distance:.3f} m "
-            "apart along all three axes at every instant: no time is enough; let "
-            "'any-axis' or 'sphere' hold, or choose another assignment"
-        )
-
-
 def nearest_pair(
     leg: Leg, trajectories: tuple[Trajectory, ...], separation: Separation
 ) -> Encounter | None:
@@ -484,17 +409,3 @@ def nearest_pair(
         float(found.time[0]),
         float(measure(one - other, separation)),
     )
-
-
-def place(leg: Leg) -> str:
-    """Where the script asks for the leg, as ``path:line:column: name``."""
-    return leg.name if leg.mark is None else f"{leg.mark}: {leg.name}"
-
-
-def pair_names(leg: Leg, first: int, second: int) -> str:
-    """Names of two drones for people; after ``leg.drones`` come those of no part."""
-    one = f"drone {int(leg.drones[first]) + 1}"
-    every = [*leg.drones.tolist(), *leg.others_drones]
-    if second < len(every):
-        return f"{one} and drone {every[second] + 1}"
-    return f"{one} and another drone"

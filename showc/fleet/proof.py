@@ -14,7 +14,8 @@ import numpy as np
 
 from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.tracks import tracks_of
-from showc.fleet.leg import TOLERANCE, aircraft_of, pair_names
+from showc.fleet.ends import TOLERANCE, pair_names
+from showc.fleet.leg import aircraft_of
 from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.judgement import (
     KEPT,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from showc.errors import SolveError
-from showc.fleet.leg import place
+from showc.fleet.ends import place
 from showc.fleet.pace import preferred_time, straight_time
 from showc.fleet.search import whole_milliseconds
 from showc.plan.itinerary import Leg, held_in_motion, in_parts, state_at

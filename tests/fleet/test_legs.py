@@ -16,6 +16,7 @@ from fleet.handmade import (
 
 from showc.errors import SolveError
 from showc.fleet import solve_itinerary, solve_leg
+from showc.fleet.ends import check_ends
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.lower_bound.bound import surplus
 from showc.fleet.lower_bound.relaxation import Relaxation
@@ -255,3 +256,37 @@ def test_all_axes_are_kept_apart_where_the_order_allows_it():
     statistics = flight.certificate.statistics
     assert statistics["first_conflicts"] > 0.0
     assert flight.certificate.gap < 0.03
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("separation", "wide"),
+    [
+        (Separation(1.0), (0.6, 0.8)),
+        (Separation(1.0, "ellipsoid", 2.0), (0.6, 0.8)),
+        (Separation(1.0, "any-axis"), (1.0, 1.0)),
+    ],
+    ids=lambda one: getattr(one, "shape", ""),
+)
+def test_drones_that_cannot_pass_each_other_are_refused_at_once(axis, separation, wide):
+    """A volume is as wide as two drones side by side need, or a millimetre less."""
+    sides = np.delete(np.arange(3), axis)
+    low, high = np.full(3, -9.0), np.full(3, 9.0)
+    wide = np.array(wide) / np.asarray(separation.metric_scale)[sides]
+    low[sides], high[sides] = 0.0, wide
+    ends = np.array([np.zeros(3), np.zeros(3)])
+    ends[0, axis], ends[1, axis] = -4.0, 4.0
+    for less, refused in ((-1e-3, False), (1e-3, True)):
+        high[sides] = wide - less
+        limits = replace(
+            LIMITS, position_min=tuple(low.tolist()), position_max=tuple(high.tolist())
+        )
+        leg = make_leg(ends, ends[::-1], limits=limits)
+        show = make_show(2, separation=separation)
+        if not refused:
+            check_ends(leg, show)
+            continue
+        with pytest.raises(SolveError, match=f"across {'xyz'[axis]} and the sep"):
+            check_ends(leg, show)
+        # Drones that keep their order may fly.
+        check_ends(make_leg(ends, ends, limits=limits), show)

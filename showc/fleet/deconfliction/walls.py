@@ -20,7 +20,7 @@ from showc.fleet.single_drone.convex_program import NO_WALLS, WALL_DEGREE, Walls
 from showc.trajectory import PiecewisePolynomial, bernstein_basis_inverse
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from showc.arrays import FloatArray, IntArray
     from showc.vehicle import Separation
@@ -240,12 +240,14 @@ def gathered(parts: Sequence[Laid]) -> Walls:
 
 
 def reversed_order(
-    start: FloatArray, goal: FloatArray, parked: FloatArray | None
+    start: FloatArray,
+    goal: FloatArray,
+    parked: FloatArray | None,
+    axes: Iterable[int],
 ) -> tuple[int, int, int] | None:
-    """Find a pair that cannot keep all axes apart, however it flies.
+    """Find a pair that changes its order along one of some axes.
 
-    Along every axis two drones that are apart at every instant stay in their order. A
-    pair whose order along an axis differs between both ends meets on that axis.
+    However it flies, its drones are side by side along that axis at some instant.
 
     Parameters
     ----------
@@ -253,6 +255,8 @@ def reversed_order(
         Shape (n, 3) [m].
     parked
         Positions of drones that stand still, shape (m, 3) [m].
+    axes
+        Counting from 0.
 
     Returns
     -------
@@ -261,7 +265,7 @@ def reversed_order(
     """
     if parked is not None:
         start, goal = np.vstack([start, parked]), np.vstack([goal, parked])
-    for axis in range(3):
+    for axis in axes:
         order = np.argsort(start[:, axis], kind="stable")
         back = np.nonzero(np.diff(goal[order, axis]) < 0.0)[0]
         if back.size:
