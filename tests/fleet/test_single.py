@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from showc.fleet.search import whole_milliseconds
 from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.following import follow, hover
@@ -206,7 +207,8 @@ def test_too_little_time_is_said_in_a_sentence():
     assert result.status == "infeasible" and result.trajectory is None
     assert "no flight in 1.500 s" in result.message
     least = minimum_time(HELD, ABOVE, ABOVE + [8.0, 0.0, 0.0]).duration
-    assert f"takes {least:.3f} s" in result.message
+    # A time that can be given: the next whole millisecond.
+    assert f"takes {whole_milliseconds(least):.3f} s" in result.message
 
 
 def test_a_reference_is_followed():
