@@ -120,7 +120,10 @@ class Tab:
         self.call("Page.navigate", url="about:blank")
         self.call("Page.navigate", url=page)
         end = time.monotonic() + seconds
-        while self.evaluate("document.documentElement?.dataset.ready") != "yes":
+        # Pages without a script say so in their first line, long before their last.
+        drawn = "document.readyState === 'complete' && "
+        drawn += "document.documentElement.dataset.ready === 'yes'"
+        while not self.evaluate(drawn):
             if time.monotonic() > end:
                 raise TimeoutError(f"{page} did not draw itself in {seconds} s")
             time.sleep(0.05)
