@@ -83,8 +83,8 @@ def check_ends(leg: Leg, show: Show) -> None:
 
 def _check_order(leg: Leg, separation: Separation) -> None:
     """Refuse what no flight can do: change order where there is no room to pass."""
-    apart = _across(leg, separation) < separation.distance - TOLERANCE
-    axes = np.flatnonzero(apart).tolist()
+    across = _across(leg, separation)
+    axes = np.flatnonzero(across < separation.distance - TOLERANCE).tolist()
     found = reversed_order(leg.start, leg.goal, leg.others_parked, axes)
     if found is None:
         return
@@ -100,9 +100,8 @@ def _check_order(leg: Leg, separation: Separation) -> None:
             "apart along all three axes at every instant: no time is enough; let "
             "'any-axis' or 'sphere' hold, or choose another assignment"
         )
-    across = _across(leg, separation)[axis]
     raise SolveError(
-        f"{head}but the flight volume has {across:.3f} m across {name} and the "
+        f"{head}but the flight volume has {across[axis]:.3f} m across {name} and the "
         f"separation is {separation.distance:.3f} m (both as {separation.shape!r} "
         "measures): no time is enough; widen the volume, or choose another assignment"
     )

@@ -14,7 +14,7 @@ from showc.fleet.ends import TOLERANCE, check_ends, pair_names, place
 from showc.fleet.lower_bound.bound import lower_bound
 from showc.fleet.lower_bound.relaxation import Relaxation
 from showc.fleet.motion import fly_motion
-from showc.fleet.search import Found, Room, Search, whole_milliseconds
+from showc.fleet.search import Found, Room, Search
 from showc.fleet.shared_profile.sparing import Fleet, flown_energy, sparing_profile
 from showc.fleet.single_drone.common_time import lingering
 from showc.fleet.single_drone.following import hover
@@ -23,7 +23,7 @@ from showc.fleet.single_drone.vertical import fly_upright, quickest_ascent
 from showc.flight import Certificate, DualWitness, Encounter, LegFlight, Trajectory
 from showc.plan.itinerary import STILL
 from showc.script.fence import Fence
-from showc.script.lanes import SHORTEST_MOTION
+from showc.script.lanes import SHORTEST_MOTION, whole_milliseconds
 from showc.vehicle.metric import measure
 from showc.vehicle.power import Power
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from showc.fleet.leg import aircraft_of, fleet_of
-from showc.fleet.search import whole_milliseconds
 from showc.fleet.shared_profile.sparing import sparing_time
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.vertical import quickest_ascent
+from showc.script.lanes import whole_milliseconds
 
 if TYPE_CHECKING:
     from showc.fleet.shared_profile.profile import Profile

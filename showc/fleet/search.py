@@ -10,7 +10,6 @@ Work is counted, not timed: the same leg takes the same tries on every machine.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -33,6 +32,7 @@ from showc.fleet.lower_bound.limiting import (
 )
 from showc.fleet.shared_profile.synchronise import shared_profile
 from showc.fleet.single_drone.shortest import minimum_time
+from showc.script.lanes import whole_milliseconds
 
 if TYPE_CHECKING:
     from showc.fleet.execution.pool import Workers
@@ -98,11 +98,6 @@ Found = Repair | ClosedFlights
 """Flights of all drones over one common time, and how they were found."""
 
 
-def whole_milliseconds(time: float) -> float:
-    """Round a time up to a whole millisecond [s]."""
-    return math.ceil(time * 1000.0 - 1e-6) / 1000.0
-
-
 @dataclass(frozen=True, slots=True)
 class Room:
     """Where drones may be."""
@@ -154,9 +149,10 @@ class Search:
                 np.zeros_like(leg.start),
                 displacement(aircraft, leg.start, leg.goal, self.detours),
             )
-        # The flight in closed form; looked for once.
+        # The flight in closed form, and the time up to which it was looked for [s].
         self._known: ClosedFlights | None = None
-        self._looked = self._flown = False
+        self._sought = 0.0
+        self._flown = False
 
     def limiting(self, *, solve: bool) -> Limiting:
         """Find the slowest drones, and prove how long they need."""
@@ -227,11 +223,12 @@ class Search:
             longest = self._longest(least) if longest is None else longest
             # That flight takes long to find: after a time near the least, of which
             # little is expected, another comes first.
+            last = gap >= longest
             if best is None and most == np.inf and not self._drafts_on(gap):
-                best = self.surely()
-            if best is None and gap >= longest:
+                best = self.surely(np.inf if last else least * (1.0 + longest))
+            if best is None and last:
                 raise self._parted(time, limiting, repair.trouble)
-            if best is not None and self.spent:
+            if best is not None and (last or self.spent):
                 break
             ways = self.ways
             gap = min(self._later(repair, gap, least), longest)
@@ -364,7 +361,7 @@ class Search:
         """
         leg, closed = self.leg, self.crossing() is not None
         # Without effort, crowds that do not part soon fly in closed form if they can.
-        draft = closed and not (self.effort or self._looked)
+        draft = closed and not (self.effort or self._sought)
         move = Move(
             name=leg.name,
             aircraft=self.aircraft,
@@ -392,15 +389,19 @@ class Search:
         self._flown |= repair.done
         return repair
 
-    def surely(self) -> ClosedFlights | None:
-        """Return the flight in closed form, if there is one."""
+    def surely(self, most: float = np.inf) -> ClosedFlights | None:
+        """Return the flight in closed form, if there is one that takes less time [s].
+
+        Layers take many times what drones need where they climb slowly.
+        """
         crossing = self.crossing()
-        if not self._looked and crossing is not None:
+        if self._known is None and most > self._sought:
             found = None
-            if not self.detours:
-                found = fly_widened(crossing) or fly_layered(crossing)
+            if crossing is not None and not self.detours:
+                found = None if self._sought else fly_widened(crossing)
+                found = found or fly_layered(crossing, most)
             self._known = found if found is not None and self._inside(found) else None
-        self._looked = True
+        self._sought = max(most, self._sought)
         return self._known
 
     def _inside(self, found: ClosedFlights) -> bool:

@@ -18,9 +18,8 @@ import numpy as np
 from showc.errors import SolveError
 from showc.fleet.ends import place
 from showc.fleet.pace import preferred_time, straight_time
-from showc.fleet.search import whole_milliseconds
 from showc.plan.itinerary import Leg, held_in_motion, in_parts, state_at
-from showc.script.lanes import SHORTEST_MOVE, held_for
+from showc.script.lanes import SHORTEST_MOVE, held_for, whole_milliseconds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -358,7 +357,7 @@ def _late(
     return SolveError(
         f"{place(leg)}: cannot {verb} at {asked:.3f} s of the show, "
         f"{earliest - asked:.3f} s too early: {why}; the earliest time is "
-        f"{math.ceil(earliest * 1000.0 - 1e-6) / 1000.0:.3f} s, or shorten what comes "
+        f"{whole_milliseconds(earliest):.3f} s, or shorten what comes "
         "before"
     )
 

@@ -9,6 +9,7 @@ lasts until all of them are held, and what follows leaves. No drone is in two gr
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,6 +19,11 @@ if TYPE_CHECKING:
 
 _SAME = 1e-6
 """Times that differ by less are one: a bar's time may be off by rounding [s]."""
+
+
+def whole_milliseconds(time: float) -> float:
+    """Round a time up to a whole millisecond, as the show counts them [s]."""
+    return math.ceil(time * 1000.0 - 1e-6) / 1000.0
 
 
 def departure(one: Transition) -> float | None:

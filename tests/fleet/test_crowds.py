@@ -14,7 +14,8 @@ from scipy.optimize import linear_sum_assignment
 from showc.errors import SolveError
 from showc.fleet import search as module
 from showc.fleet import solve_leg
-from showc.fleet.deconfliction import repair
+from showc.fleet.deconfliction import layered, repair
+from showc.fleet.deconfliction.clock import fly_apart
 from showc.fleet.deconfliction.conflicts import closest
 from showc.fleet.deconfliction.layered import fly_layered
 from showc.fleet.deconfliction.layers import layers
@@ -419,6 +420,29 @@ def test_what_no_widening_parts_is_flown_in_layers():
     assert replay(found.aircraft.vehicle, known.trajectories).position.max() < 1e-3
 
 
+def test_layers_that_drones_reach_slowly_are_flown_only_at_last(monkeypatch):
+    """Where climbs are slow they take far longer than any time that is tried."""
+    monkeypatch.setattr(Repair, "run", lambda _: False)
+    flown = []
+
+    def flying(*task):
+        flown.append(task)
+        return fly_apart(*task)
+
+    monkeypatch.setattr(layered, "fly_apart", flying)
+    cube = 1.05 * CUBE + [0.0, 0.0, 30.0]
+    low, high = WIDE.velocity_min[:2], WIDE.velocity_max[:2]
+    slow = replace(WIDE, velocity_min=(*low, -0.2), velocity_max=(*high, 0.2))
+    found = search(make_leg(cube, cube @ np.diag([-1.0, -1.0, 1.0]), limits=slow))
+    tried = 5.0 * found.limiting(solve=True).time
+    assert found.surely(tried) is None
+    assert not flown
+    best, _ = found.least()
+    assert best.layers
+    assert best.duration > tried
+    assert found.surely(tried) is best
+
+
 def test_a_flight_in_closed_form_is_proved_like_any_other(monkeypatch):
     monkeypatch.setattr(Repair, "run", lambda _: False)
     middle = np.array([0.0, 0.0, 30.0])
@@ -448,9 +472,9 @@ def test_flights_in_closed_form_wait_for_a_try_with_time_enough(monkeypatch):
         events.append("try" if most == np.inf else "hasty try")
         return at(self, time, *task, most=most)
 
-    def looking(self):
+    def looking(self, most):
         events.append("closed form")
-        return surely(self)
+        return surely(self, most)
 
     monkeypatch.setattr(Search, "at", trying)
     monkeypatch.setattr(Search, "surely", looking)

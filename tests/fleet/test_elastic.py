@@ -106,19 +106,25 @@ def test_where_the_time_is_free_limits_and_distances_say_how_long_it_is():
     assert times[1] == pytest.approx(times[0], rel=0.05)
 
 
+@pytest.fixture
+def steps(monkeypatch):
+    """Collect how many steps each stage may take, of which it takes three."""
+    minimize, asked = scipy.optimize.minimize, []
+
+    def counting(*task, options, **means):
+        asked.append(options["maxiter"])
+        return minimize(*task, options=options | {"maxiter": 3}, **means)
+
+    monkeypatch.setattr(scipy.optimize, "minimize", counting)
+    return asked
+
+
 @pytest.mark.parametrize(
     ("slower", "wrong", "stages"), [(1.1, 0.0, 5), (1.1, 0.3, 6), (None, 0.0, 6)]
 )
 def test_where_the_time_is_free_the_last_stage_only_mends(
-    monkeypatch, slower, wrong, stages
+    monkeypatch, steps, slower, wrong, stages
 ):
-    minimize, steps = scipy.optimize.minimize, []
-
-    def counting(*task, options, **means):
-        steps.append(options["maxiter"])
-        return minimize(*task, options=options | {"maxiter": 3}, **means)
-
-    monkeypatch.setattr(scipy.optimize, "minimize", counting)
     monkeypatch.setattr(Elastic, "_judged", lambda *_: SimpleNamespace(wrong=wrong))
     start = np.array([[-6.0, 0.3, 0.0], [6.0, -0.3, 0.0]])
     ways = Elastic(crowd_of(start, start * [-1.0, 1.0, 1.0], Separation(1.0)))
@@ -131,15 +137,8 @@ def test_where_the_time_is_free_the_last_stage_only_mends(
     [(2, 1.1, 1 / 3), (24, 1.1, 2 / 3), (40, 1.1, 1.0), (2, None, 1.0)],
 )
 def test_few_drones_take_fewer_steps_where_the_time_is_free(
-    monkeypatch, drones, slower, share
+    monkeypatch, steps, drones, slower, share
 ):
-    minimize, steps = scipy.optimize.minimize, []
-
-    def counting(*task, options, **means):
-        steps.append(options["maxiter"])
-        return minimize(*task, options=options | {"maxiter": 1}, **means)
-
-    monkeypatch.setattr(scipy.optimize, "minimize", counting)
     monkeypatch.setattr(Elastic, "_judged", lambda *_: SimpleNamespace(wrong=1.0))
     start = np.column_stack([9.0 * np.arange(drones), *np.zeros((2, drones))])
     Elastic(crowd_of(start, start + [0.0, 9.0, 0.0], Separation(1.0))).run(slower)

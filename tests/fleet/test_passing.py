@@ -10,8 +10,9 @@ from showc.fleet import solve_leg
 from showc.fleet.execution.pool import InProcess
 from showc.fleet.lower_bound import passing
 from showc.fleet.lower_bound.passing import passing_bound
-from showc.fleet.search import Room, Search, whole_milliseconds
+from showc.fleet.search import Room, Search
 from showc.fleet.single_drone.model import Aircraft
+from showc.script.lanes import whole_milliseconds
 from showc.vehicle import PRESETS, Separation
 
 LIMITS = replace(

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from showc.fleet.search import whole_milliseconds
 from showc.fleet.shared_profile.estimate import minimum_time_estimate
 from showc.fleet.single_drone.audit import greatest_excess
 from showc.fleet.single_drone.following import follow, hover
@@ -18,6 +17,7 @@ from showc.fleet.single_drone.model import Aircraft
 from showc.fleet.single_drone.replay import replay
 from showc.fleet.single_drone.shortest import minimum_time
 from showc.fleet.single_drone.symmetry import image
+from showc.script.lanes import whole_milliseconds
 from showc.trajectory import PiecewisePolynomial
 from showc.vehicle import PRESETS
 from showc.vehicle.flatness import state_in_motion

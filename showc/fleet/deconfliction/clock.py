@@ -17,6 +17,7 @@ from showc.fleet.deconfliction.conflicts import conflicts
 from showc.fleet.deconfliction.flights import Ways
 from showc.fleet.deconfliction.tracks import tracks_of
 from showc.fleet.shared_profile.flat import fly, joined, use_of_limits
+from showc.script.lanes import whole_milliseconds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -127,7 +128,7 @@ def _quickest(
     time, pattern = best
     every = np.arange(pattern.vectors.shape[1])
     while time <= _SLOWEST * pattern.duration:
-        duration = float(np.ceil(1000.0 * time)) / 1000.0
+        duration = whole_milliseconds(time)
         flights = _flown(crossing, pattern, duration, every)
         if _kept(crossing, flights):
             return (duration, flights) if joined(flights).all() else None

@@ -81,18 +81,26 @@ class Layout:
         return sum(one.duration for one in self.rises)
 
 
-def fly_layered(crossing: Crossing) -> ClosedFlights | None:
+def fly_layered(crossing: Crossing, most: float = np.inf) -> ClosedFlights | None:
     """Fly a crowd through layers, all drones on one clock.
+
+    Parameters
+    ----------
+    most
+        Time from which on a flight is of no use [s].
 
     Returns
     -------
     ClosedFlights or None
-        None if the flight volume has no room for it, the separation is one along all
-        axes, or drones that stand in the way are in the way here as well.
+        None if the flight volume has no room for it, the moves into layers and back
+        take longer, the separation is one along all axes, or drones that stand in the
+        way are in the way here as well.
     """
     if crossing.separation.shape == "all-axes":
         return None
     for layout in sorted(_layouts(crossing), key=lambda one: one.rising):
+        if 2.0 * layout.rising >= most:
+            break
         for pattern in _apart(crossing, layout):
             found = fly_apart(crossing, [pattern])
             if found is not None:

@@ -6,7 +6,6 @@ where that shows a need another mesh or start follows.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -34,6 +33,7 @@ from showc.fleet.single_drone.programs import Programs
 from showc.fleet.single_drone.shortest import minimum_time
 from showc.flight import Trajectory
 from showc.ocp.refinement.strategy import refine
+from showc.script.lanes import whole_milliseconds
 from showc.trajectory import PiecewisePolynomial
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def follow(
         if duration < least:
             message = (
                 f"no flight in {duration:.3f} s: the shortest found, other drones "
-                f"aside, takes {math.ceil(1e3 * least) / 1e3:.3f} s"
+                f"aside, takes {whole_milliseconds(least):.3f} s"
             )
         verdict = Verdict("infeasible", message)
     return verdict.result(programs, duration)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from showc.script.diagnostic import Diagnostic, Severity
 from showc.script.lanes import (
     SHORTEST_MOVE,
@@ -19,6 +17,7 @@ from showc.script.lanes import (
     left_moving,
     over,
     own_times,
+    whole_milliseconds,
 )
 from showc.script.language.wording import number_text
 from showc.script.rules.least_time import least_duration
@@ -60,13 +59,13 @@ def timing_findings(sketch: Sketch) -> Iterator[Diagnostic]:
         slowest = f"drone {drone + 1}" if drone is not None else "some drone"
         yield Diagnostic(
             "SHW209",
-            f"`{transition.name}` needs at least {number_text(_up(least))} s; the "
+            f"`{transition.name}` needs at least {_up(least)} s; the "
             f"script gives {number_text(transition.duration)} s",
             settings[index].mark_of("duration" if written else "at"),
             notes=(
                 f"{slowest} cannot get there sooner within its speed and thrust limits",
             ),
-            help=f"allow at least {number_text(_up(least))} s, or leave "
+            help=f"allow at least {_up(least)} s, or leave "
             f"`{'duration' if written else 'start'}` out",
         )
 
@@ -137,11 +136,11 @@ def time_findings(sketch: Sketch) -> Iterator[Diagnostic]:
                 continue
             member = next(row for row in members if settings[row].written(key))
             verb = "arrive" if key == "at" else "start"
-            move = f"the move takes at least {number_text(_up(least))} s"
+            move = f"the move takes at least {_up(least)} s"
             yield Diagnostic(
                 "SHW213",
                 f"`{show.transitions[member].name}` cannot {verb} at "
-                f"{_time(show, time)}: {number_text(_up(soonest - time))} s too early",
+                f"{_time(show, time)}: {_up(soonest - time)} s too early",
                 settings[member].mark_of(key),
                 notes=(before, move) if key == "at" else (before,),
                 help=_sooner(show, soonest),
@@ -244,7 +243,7 @@ def _lane_fault(
                 return Diagnostic(
                     "SHW213",
                     f"`{one.name}` cannot {'start' if starts else 'arrive'} at "
-                    f"{_time(show, time)}: {number_text(_up(soonest - time))} s too "
+                    f"{_time(show, time)}: {_up(soonest - time)} s too "
                     "early",
                     asked[row].mark_of(key),
                     notes=(why,),
@@ -271,7 +270,7 @@ _MILLISECOND = 1e-3
 def _time(show: Show, time: float, *, up: bool = False) -> str:
     """Return a show time as the script counts it, rounded up where asked."""
     counted = time - (show.music.offset if show.music is not None else 0.0)
-    shown = number_text(_up(counted) if up else round(counted, 3))
+    shown = _up(counted) if up else number_text(round(counted, 3))
     return f"{shown} s" + (" of the music" if show.music is not None else "")
 
 
@@ -325,5 +324,6 @@ def _beyond(mark: Mark, what: str, limit: float, most: float, unit: str) -> Diag
     )
 
 
-def _up(time: float) -> float:
-    return float(np.ceil(time * 1000.0 - 1e-6) / 1000.0)
+def _up(time: float) -> str:
+    """Show a time [s], rounded up to what the script can give."""
+    return number_text(whole_milliseconds(time))
