@@ -42,6 +42,8 @@ _COMPOSED = 10
 """How deep a letter may be composed of others that are composed themselves."""
 _LARGEST_LETTER = 1000
 """Letters that one letter may be composed of."""
+_NAMED = 8
+"""Letters that a message names at most."""
 _FARTHEST = 1e6
 """Farthest point of a letter, in the font's units, of which a letter has thousands."""
 
@@ -171,9 +173,11 @@ def letters(font: TTFont, text: str) -> list[Contour]:
     glyphs, names = font.getGlyphSet(), font.getBestCmap()
     missing = sorted({sign for sign in text if sign != "\n" and ord(sign) not in names})
     if missing:
+        named = ", ".join(f"`{sign}`" for sign in missing[:_NAMED])
+        more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
         raise ScriptError(
             "SHW110",
-            f"the font has no `{missing[0]}`",
+            f"the font has no {named}{more}",
             key="text",
             help_text="write `font:` with a font file that has it",
         )

@@ -152,7 +152,8 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
         return
     low, high = map(np.array, site.room)
     asked = sketch.settings.section("site").section("volume").mark
-    for formation, points, what, mark in _stands(sketch):
+    for formation, points, hover, mark in _stands(sketch):
+        what = _hovering(hover)
         beyond = np.maximum(low - points, points - high)
         worst = beyond.max(axis=1)
         count = int(np.sum(worst > _SLACK))
@@ -180,7 +181,9 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
                 ),
                 *wall_notes(site),
             ),
-            help="move the formation, make it smaller, or enlarge `site: volume:`",
+            help="move the formation, make it smaller, or enlarge `site: volume:`"
+            if not hover
+            else f"move the pads, or change `{hover}: altitude` or `site: volume:`",
             spot=Spot(formation.name, (place,)),
         )
 
@@ -196,7 +199,7 @@ def wall_notes(site: Site) -> tuple[str, ...]:
 def _stands(sketch: Sketch) -> Iterator[tuple[Formation, FloatArray, str, Mark]]:
     """Yield everything drones hover in: formations, and the hovers above the pads.
 
-    With what is said of it in messages, and the place in the script that decides it.
+    With the section that hovers, if any, and the place in the script that decides it.
     """
     for formation in sketch.formations.values():
         yield formation, formation.points, "", formation.mark
@@ -209,7 +212,11 @@ def _stands(sketch: Sketch) -> Iterator[tuple[Formation, FloatArray, str, Mark]]
             lift = np.array([0.0, 0.0, section.value.number("altitude")])
             mark = section.value.mark_of("altitude")
             said = sketch.place(mark, pads.mark)
-            yield pads, pads.points + lift, f" at the {key} altitude", said
+            yield pads, pads.points + lift, key, said
+
+
+def _hovering(key: str) -> str:
+    return f" at the {key} altitude" if key else ""
 
 
 def _fence(sketch: Sketch) -> Iterator[Diagnostic]:
@@ -289,7 +296,8 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
     if site is None:
         return
     section = sketch.settings.section("site")
-    for formation, points, what, mark in _stands(sketch):
+    for formation, points, hover, mark in _stands(sketch):
+        what = _hovering(hover)
         top = int(np.argmax(points[:, 2]))
         if site.ceiling is not None and points[top, 2] > site.ceiling + _SLACK:
             yield Diagnostic(
@@ -301,7 +309,9 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
                 secondary=(Label(section.mark_of("ceiling"), "the ceiling"),)
                 if sketch.written(mark)
                 else (),
-                help="move the formation down, or raise `site: ceiling:`",
+                help=f"reduce `{hover}: altitude`, or raise `site: ceiling:`"
+                if hover
+                else "move the formation down, or raise `site: ceiling:`",
                 spot=Spot(formation.name, (top,)),
             )
         reached = [
