@@ -10,6 +10,7 @@ import numpy as np
 from showc.plan.itinerary import STILL
 from showc.script.lanes import arrival
 from showc.script.language.wording import counted
+from showc.script.rules.least_time import least_times
 
 if TYPE_CHECKING:
     from showc.arrays import FloatArray
@@ -31,7 +32,7 @@ class LegOutlook:
     reason: str
     """Why, or why not."""
     lower: float
-    """The leg cannot take less (a bound on the slowest drone's axes) [s]."""
+    """The leg cannot take less, by limits of the slowest drone along each axis [s]."""
     upper: float
     """A straight flight of all drones side by side takes this long [s]."""
     start: float = 0.0
@@ -135,7 +136,10 @@ def _look(leg: Leg, show: Show, start: float, cached: bool) -> LegOutlook:  # no
     if not (way > STILL).any():
         time, reason = leg.duration or 0.0, "no drone moves"
         return LegOutlook(leg.index, leg.name, False, reason, time, time, start)
-    lower = _axis_bound(leg.goal - leg.start, leg.limits)
+    move = leg.goal - leg.start
+    lower = _in_motion(move, leg.limits)
+    if not leg.in_motion:
+        lower = float(least_times(move, leg.limits, show.vehicle).max())
     upper = max(straight_time(leg, show), leg.duration or 0.0)
     reason = (
         "solved before"
@@ -166,8 +170,8 @@ def _saved(leg: Leg, show: Show, duration: float) -> float:
     return at_once - fleet.energy(sparing_profile(fleet, quickest, duration))
 
 
-def _axis_bound(displacement: FloatArray, limits: Limits) -> float:
-    """No drone moves along an axis faster than its greatest velocity there [s]."""
+def _in_motion(displacement: FloatArray, limits: Limits) -> float:
+    """Time that drones need by their speeds alone, in motion before and after [s]."""
     velocity = np.where(
         displacement > 0.0, limits.velocity_max, np.abs(limits.velocity_min)
     )

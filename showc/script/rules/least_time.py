@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _FEW, _SAMPLE, _PAIRS = 4, 40, 2_000_000
 """Others that each place is first held against, at least and at most, and pairs of
 places that are looked at in a script: all of them up to ten moves of 450 drones."""
+_NONE = 1e-12
+"""What keeps quotients finite: far below any acceleration and speed."""
 _FULL_TURN = 1e-6
 """What an angle may miss a whole turn by, for rounding [rad]: 0.1 mm at 100 m."""
 
@@ -51,7 +53,8 @@ def least_times(
     thrust = min(limits.thrust_max, vehicle.thrust_max) / vehicle.mass
     # Roll and pitch tilt together: the horizontal part is at most sqrt(2) sin(tilt).
     level = thrust * min(1.0, sqrt(2.0) * sin(limits.tilt))
-    level = min(level, limits.acceleration or inf)
+    # Upright drones, which launch, have no level acceleration at all.
+    level = max(min(level, limits.acceleration or inf), _NONE)
     up = min(thrust - vehicle.gravity, limits.acceleration_up or inf)
     down = min(vehicle.gravity, limits.acceleration_down or inf)
     length = np.linalg.norm(displacement, axis=-1)
@@ -77,7 +80,7 @@ def _axis_time(
     peak = np.sqrt(2.0 * distance / mean)
     reached = np.minimum(peak, speed)
     cruise = np.maximum(distance - reached**2 * mean / 2.0, 0.0)
-    return np.asarray(reached * mean + cruise / np.maximum(reached, 1e-12))
+    return np.asarray(reached * mean + cruise / np.maximum(reached, _NONE))
 
 
 def least_mean_time(show: Show, index: int) -> float:
