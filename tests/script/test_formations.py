@@ -237,6 +237,11 @@ def test_svg_filled(show, tmp_path):
         ("named.csv", "z;x;y\n20;0;0\n20;3;0\n20.5;6;0\n"),
         ("tabs.tsv", "x [m]\ty [m]\tz [m]\n0\t0\t20\n3\t0\t20\n6\t0\t20.5\n"),
         ("comment.csv", "# from Blender\n\n0, 0, 20\n3, 0, 20\n6, 0, 20.5\n"),
+        (
+            "quoted.csv",
+            '"x","y","z","name, place"\n"0",0,20,"a, b"\n3,0,"20"\n6,0,20.5',
+        ),
+        ("commas.csv", "x;y;z;\n0;0;20;\n3;0;20;\n6;0;20.5;\n"),
     ],
 )
 def test_csv(show, tmp_path, name, content):
@@ -248,6 +253,23 @@ def test_csv(show, tmp_path, name, content):
     assert made.formations["dragon"].points.tolist() == [
         [0, 0, 20], [3, 0, 20], [6, 0, 20.5],
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ('x,y,z\n"3,5","10,2","25,7"\n', "line 2: x is written with a decimal comma"),
+        ('"x";"y";"z"\n"3,5";"10,2";"25,7"\n', "line 2: x is written with a decimal"),
+        ('x,y,z\n1,2,30\n"1,003.5",10,25\n', "line 3: x is text"),
+        ("x,y,z\n3.5,10,25,99\n", "line 2: has 4 cells; the first line has 3"),
+        ("1,2,30\n3,5,10,2\n", "line 2: has 4 cells; the first line has 3"),
+    ],
+)
+def test_cells_of_csv_are_taken_whole_or_refused(read, tmp_path, content, words):
+    (tmp_path / "a.csv").write_text(content, encoding="utf-8")
+    result = read("formations: {a: {type: csv, file: a.csv}}\ntransitions: [a]\n")
+    assert result.show is None
+    assert any(words in item.message for item in result.errors), result.errors
 
 
 def test_csv_with_colours(show, tmp_path):

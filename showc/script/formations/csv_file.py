@@ -12,7 +12,13 @@ import numpy as np
 from showc.script.diagnostic import ScriptError
 from showc.script.formations.shape import Drawing, Request, Shape
 from showc.script.language.kinds import Field, File, Section
-from showc.script.language.timed import head_of, heads_of, refuse_shares
+from showc.script.language.timed import (
+    cells_of,
+    head_of,
+    heads_of,
+    refuse_shares,
+    separator_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,8 +31,6 @@ _AROUND = ' \t\r"'
 """What may surround a cell."""
 MAX_LINES = 20_000
 """Lines of a table: the largest fleet, and as many comments."""
-MAX_COLUMNS = 100
-"""Columns of a table that are looked at."""
 
 SECTION = Section(
     "csv",
@@ -58,16 +62,15 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
     except UnicodeDecodeError:
         raise ScriptError("SHW110", f"`{name}` is not UTF-8", key="file") from None
     kept = (line for line in lines if line.strip() and not line.startswith("#"))
-    first = next(kept, "")
-    separator = max(";\t,", key=first.count)
-    # Cells are numbers and names: quotes may stand around them, nothing else in them.
+    separator = separator_of(next(kept, ""))
     table = [
-        (number, [cell.strip(_AROUND) for cell in line.split(separator, MAX_COLUMNS)])
+        (number, [cell.strip(_AROUND) for cell in cells_of(line, separator)])
         for number, line in enumerate(lines, start=1)
         if line.strip() and not line.lstrip().startswith("#")
     ]
     if not table:
         raise ScriptError("SHW110", f"`{name}` has no lines", key="file")
+    wide = len(table[0][1])
     columns = _columns(table[0][1], name)
     if columns is not None:
         table = table[1:]
@@ -75,7 +78,7 @@ def rows_of(content: bytes, name: str) -> tuple[np.ndarray, np.ndarray | None]:
         columns = {"x": 0, "y": 1, "z": 2}
         if all(len(cells) >= 6 for _, cells in table):
             columns |= {"red": 3, "green": 4, "blue": 5}
-    values, faults = _values(table, columns)
+    values, faults = _values(table, columns, wide)
     if faults:
         more = (f"{len(faults)} lines are faulty",) if len(faults) > 1 else ()
         raise ScriptError(
@@ -131,10 +134,15 @@ def _columns(cells: list[str], file: str) -> dict[str, int] | None:
 
 
 def _values(
-    table: list[tuple[int, list[str]]], columns: dict[str, int]
+    table: list[tuple[int, list[str]]], columns: dict[str, int], wide: int
 ) -> tuple[list[list[float]], list[tuple[int, str]]]:
+    """Read the numbers of all rows, of which none has more cells than the first one."""
     values, faults = [], []
     for number, cells in table:
+        if any(cells[wide:]):
+            found = f"has {len(cells)} cells; the first line has {wide}"
+            faults.append((number, found))
+            continue
         row = []
         for name, column in columns.items():
             cell = cells[column] if column < len(cells) else ""

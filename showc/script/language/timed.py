@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import math
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,8 +80,8 @@ def timed_rows(
         if line.strip() and not line.lstrip().startswith("#")
     ]
     first = lines[numbers[0]] if numbers else ""
-    separator = _separator(first)
-    heads = heads_of(first.split(separator), name, key)
+    separator = separator_of(first)
+    heads = heads_of(cells_of(first, separator), name, key)
     lacking = [one for one in ranges if one not in heads]
     if lacking:
         raise ScriptError(
@@ -90,7 +92,7 @@ def timed_rows(
             f"{help_text}",
         )
     where = [heads.index(one) for one in ranges]
-    rows = [_row(lines[number].split(separator), where) for number in numbers[1:]]
+    rows = [_row(cells_of(lines[number], separator), where) for number in numbers[1:]]
     values = np.array(rows).reshape(-1, len(where))
     for (column, (low, high)), found in zip(ranges.items(), values.T, strict=True):
         good = (found >= low) & (found <= high)
@@ -110,8 +112,19 @@ def timed_rows(
     return values
 
 
-def _separator(line: str) -> str:
-    return max(";\t,", key=line.count)
+def separator_of(line: str) -> str:
+    """Return what separates the columns of a table, by its first line."""
+    return max(";\t,", key=re.sub('"[^"]*"', "", line).count)
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """Return the cells of a line, of which quotes may hold any sign (RFC 4180)."""
+    if '"' not in line:
+        return line.split(separator)
+    try:
+        return next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    except csv.Error:
+        return [line]
 
 
 def heads_of(cells: list[str], file: str, key: str) -> list[str]:
