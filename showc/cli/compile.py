@@ -135,6 +135,7 @@ def command(
     """
     from showc.cli.console import progress
     from showc.errors import UsageError
+    from showc.export.stage import folder_for, refuse_foreign
     from showc.fleet.options import SolveOptions
     from showc.pipeline.compile import (
         CompileOptions,
@@ -161,13 +162,16 @@ def command(
         allow_outside=allow_outside,
     )
 
-    def warn(result: LoadResult) -> None:
+    def accepted(result: LoadResult) -> None:
         if result.diagnostics and not (quiet or as_json):
             report(result, as_json=False)
+        # What is in the way of an export is said before anything is solved.
+        for wish in result.show.exports if result.show is not None else ():
+            refuse_foreign(folder_for(log, wish.to))
 
     try:
         with progress(quiet=quiet, as_json=as_json) as watcher:
-            compiled = compile_script(script, log, options, watcher, accepted=warn)
+            compiled = compile_script(script, log, options, watcher, accepted)
     except RejectedScriptError as rejected:
         report(rejected.result, as_json=as_json)
         return rejected.result.exit_code(strict=strict) or 1

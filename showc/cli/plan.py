@@ -36,11 +36,12 @@ def command(
     allow_outside: bool,
     detailed_exitcode: bool,
 ) -> int:
-    """Show the timeline before anything is solved, with bounds on each move's time.
+    """Show the timeline before anything is solved, and about how long each move takes.
 
-    Assigns drones to places. Each leg takes at least a time that no flight can beat,
-    and at most that of a straight flight. Start times count moves that are not solved
-    yet as straight flights. Also lists what missions cannot carry.
+    Assigns drones to places. Each leg takes at least a time that no flight can beat. A
+    straight flight of all drones side by side takes the next one: drones that meet on
+    straight ways may need more, all others less. Start times count moves that are not
+    solved yet as straight flights. Also lists what missions cannot carry.
 
     \b
       showc plan my-show.yaml
@@ -95,7 +96,7 @@ def timeline(legs: list[LegOutlook], show: Show) -> list[tuple[str, ...]]:
     """Return the rows of the table; with music, times count from its beginning."""
     offset = 0.0 if show.music is None else show.music.offset
     head = "starts" if show.music is None else "music time"
-    rows: list[tuple[str, ...]] = [("leg", head, "at least", "at most", "to do")]
+    rows: list[tuple[str, ...]] = [("leg", head, "at least", "straight", "to do")]
     for leg in legs:
         name = leg.name if leg.group is None else f"  {leg.group}: {leg.name}"
         start, *times = (

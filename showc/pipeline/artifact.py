@@ -109,8 +109,12 @@ def prepare(log: Path) -> None:
     ------
     UsageError
         If the folder beside the log is not one that showc wrote, or the log's name is
-        none.
+        none or that of a folder.
     """
+    if log.is_dir():
+        raise UsageError(
+            f"{str(log)!r} is a folder; choose another name for the log with -o"
+        )
     _refuse_foreign(folder_of(log))
     if log.parent.is_dir():
         clear(log, _finish(log))

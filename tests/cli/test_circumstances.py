@@ -126,6 +126,19 @@ def test_a_cache_serves_two_users_and_one_that_may_not_write(folder):
     assert logs[0] == logs[1] == logs[2]
 
 
+@pytest.mark.parametrize("where", ["show-vviz", "show.mcap"])
+def test_what_is_in_the_way_is_said_before_anything_is_solved(folder, where):
+    (folder / "pair.yaml").write_text(PAIR + "exports: [{to: vviz}]\n")
+    (folder / where).mkdir()
+    (folder / where / "mine.txt").write_text("mine")
+    command = [*SHOWC, "compile", "pair.yaml", "-o", "show.mcap"]
+    code, said = ran(command, folder)
+    assert code == 2, said
+    assert f"'{where}' " in said and "with -o" in said
+    assert "solving" not in said
+    assert {path.name for path in folder.iterdir()} == {"pair.yaml", where}
+
+
 def test_two_compiles_to_one_output_leave_one_of_them_whole(folder):
     (folder / "other.yaml").write_text(PAIR.replace("0, 3, 5", "0, 3, 6"))
     both = [
