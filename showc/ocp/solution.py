@@ -48,6 +48,8 @@ class PhaseSolution:
     path_multipliers: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     """Multipliers of the path constraints at those times, per unit of time, shape
     (points, constraints); positive at the upper bound."""
+    inner_multipliers: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    """Those without what presses at the ends of intervals, where costates may jump."""
     bound_gaps: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     """What the objective could gain where a state's bound is kept by its Bernstein
     coefficients and not touched by the state itself, shape (K, states)."""

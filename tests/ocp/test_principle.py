@@ -134,14 +134,21 @@ def test_an_objective_that_a_violation_flattered_may_get_worse():
     assert solution.objective == pytest.approx(exact, rel=1e-6)
 
 
-@pytest.mark.parametrize(("flattery", "worse"), [(2e-2, False), (22.0, True)])
-def test_multipliers_without_limit_excuse_no_worse_objective(flattery, worse):
+@pytest.mark.parametrize(
+    ("flattery", "quadrature", "worse"),
+    [(2e-2, 0.0, False), (22.0, 0.0, True), (22.0, 4.5, False)],
+)
+def test_multipliers_without_limit_excuse_no_worse_objective(
+    flattery, quadrature, worse
+):
     # The ends of a turn repeat that a quaternion keeps its norm.
     problem = ocp.Problem("turn")
     before = SimpleNamespace(objective=29.0, phases=(), blur=0.0, slack=0.0)
     after = SimpleNamespace(objective=29.86)
     errors = SimpleNamespace(dynamics=9e-5, path=0.0)
-    former = SimpleNamespace(solution=before, error=errors, flattery=flattery)
+    former = SimpleNamespace(
+        solution=before, error=errors, flattery=flattery, quadrature=quadrature
+    )
     assert is_worse(problem, after, former) is worse
 
 

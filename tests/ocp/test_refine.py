@@ -80,7 +80,9 @@ def test_an_interval_that_a_higher_degree_did_not_help_is_cut():
     stubborn = not_helped(smooth.mesh, after, former, before)
     assert stubborn.tolist() == [True, False]
     assert not not_helped(former, after, former, before).any()
-    errors = IntervalErrors(np.full(2, 50.0), np.zeros(2, dtype=bool), (), stubborn)
+    errors = IntervalErrors(
+        np.full(2, 50.0), np.zeros(2, dtype=bool), stubborn=stubborn
+    )
     mesh, decisions = refine(smooth.mesh, smooth, errors, scale=np.ones(1))
     assert [d.step for d in decisions] == [ocp.Step.CUT, ocp.Step.RAISED]
     assert "did not help" in decisions[0].reason

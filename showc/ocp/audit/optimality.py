@@ -343,7 +343,7 @@ class MinimumPrinciple:
         second, bend = (np.asarray(a) for a in self._singular.map(slope.shape[1])(*at))
         rate = 2.0 * np.asarray(phase.mesh.points) / np.diff(phase.states.breaks)
         force = np.abs(second) + np.abs(slope) * np.repeat(rate, places) ** 2
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             step = np.where(bend < 0.0, force / np.abs(bend), np.inf)
         step[:, np.repeat(missed > _RESOLVED, places)] = np.inf
         reach[affine] = np.nan_to_num(step, nan=np.inf)[affine]

@@ -20,8 +20,10 @@ import numpy as np
 from showc.ocp.audit.costates import interpolated
 from showc.ocp.audit.integration import Flight, Integrator
 from showc.ocp.audit.optimality import MinimumPrinciple, flat, ranges
+from showc.ocp.mesh import alike
+from showc.ocp.nodes import collocation
 from showc.ocp.quantity import column
-from showc.trajectory import piece_values
+from showc.trajectory import bernstein_basis, piece_values
 
 if TYPE_CHECKING:
     from showc.arrays import BoolArray, FloatArray
@@ -34,8 +36,9 @@ if TYPE_CHECKING:
 _PLACES = 0.5 - 0.5 * np.cos(np.pi * np.arange(97) / 96.0)
 """Places on each interval where path constraints are looked at: closer at the ends,
 where the polynomials of neighbours meet and a constraint is left."""
-_FINE = 65
-"""Places on each interval where the dynamics are looked at for jumps."""
+_FINE, _ALONG, _LOOKS = 65, 1000, 20_000
+"""Places on each interval, over the length of a phase, and on all intervals at most,
+where rates and integrands are looked at for what points step over."""
 _OUTSTANDS = 20.0
 """Greatest residual, or change of rates from place to place, over the median one, from
 which on something is there that points step over; for polynomials it is below 10."""
@@ -46,6 +49,8 @@ _ALONE = 3.0
 """The greatest change of rates over the second one, if it is a jump and no slope."""
 _EVEN = 1e-3
 """Change of rates over their size that is none to speak of."""
+_CLOSE = 0.02
+"""Share of an interval beside its ends in which no cut is made."""
 _AT_BOUND = 1e-6
 """Share of a state's range within which a coefficient is at its bound."""
 _SHARES = 0.5 * np.diff(_PLACES, prepend=0.0) + 0.5 * np.diff(_PLACES, append=1.0)
@@ -62,12 +67,20 @@ class PhaseAudit:
     """Fractions of each interval between which the dynamics jump; empty if nowhere."""
     objective_dynamics: FloatArray
     """Dual-weighted residual, in units of the objective, shape (K,)."""
+    quadrature: FloatArray
+    """Part of it by which the points misjudge integrals, whatever the costates, shape
+    (K,)."""
     by_control: FloatArray
     """Gap in the minimum principle, in units of the objective: by each control alone,
     then by those in path constraints together, then by other valleys of the
     Hamiltonian, shape (controls + 2, K)."""
     better: FloatArray
     """Times, and controls of the least Hamiltonian: shape (1 + controls, n)."""
+    beside: FloatArray
+    """What path constraints press beside the places where they are at their bounds, in
+    units of the objective, shape (K,)."""
+    contacts: tuple[tuple[float, ...], ...]
+    """Fraction of each interval at which what presses so is nearest to its bound."""
     path: FloatArray
     """Greatest violation of a path constraint over its scale, shape (K,)."""
     path_places: tuple[tuple[float, ...], ...]
@@ -95,7 +108,11 @@ class PhaseAudit:
         """Return the audit of a phase that is worth nothing to the objective."""
         none = np.zeros_like(self.objective_dynamics)
         return replace(
-            self, objective_dynamics=none, by_control=np.zeros_like(self.by_control)
+            self,
+            objective_dynamics=none,
+            quadrature=none,
+            beside=none,
+            by_control=np.zeros_like(self.by_control),
         )
 
 
@@ -118,8 +135,8 @@ class PhaseAuditor:
         self.path = casadi.Function("path", [x, u, t, p], [path])
         self.principle = MinimumPrinciple(phase, (x, u, t, p), self)
         integrands = column(e for _, e in phase.integrals)
-        running = casadi.Function("running", [x, u, t, p], [integrands])
-        self.integrator = Integrator(self.f, running)
+        self.running = casadi.Function("running", [x, u, t, p], [integrands])
+        self.integrator = Integrator(self.f, self.running)
 
     def _flight(self, solution: Solution, table: Table) -> Flight:
         """Return what is integrated of one phase of ``solution``."""
@@ -148,16 +165,25 @@ class PhaseAuditor:
         costate_end = interpolated(phase, (1.0,), phase.costates)
         residual = np.einsum("kc,kc->k", costate_end[:, 0], missed)
         # Integrals are states as others, with costates that do not change.
-        residual += np.nan_to_num(flown.integrals, nan=1e9) @ phase.integral_prices
-        path, path_places, path_names, active, worst = self._path(phase, p, table)
+        misjudged = np.nan_to_num(flown.integrals, nan=1e9) @ phase.integral_prices
+        unseen = self._unseen_integrals(phase, p)
+        over = unseen > _UNSEEN * np.abs(misjudged)
+        misjudged = np.where(over, unseen, misjudged)
+        residual += misjudged
+        values = self._path_values(phase, p)
+        path, path_places, path_names, active, worst = self._path(phase, values, table)
+        beside, contacts = self._beside(phase, values, table)
         unseen, jumps = self._features(phase, p, reference)
         gap, better = self.principle.gap(phase, p, table, flown.deviation)
         return PhaseAudit(
             np.where(unseen > _UNSEEN * flown.deviation, unseen, flown.deviation),
             jumps,
             np.abs(residual),
+            np.abs(misjudged),
             gap,
             better,
+            beside,
+            contacts,
             path,
             path_places,
             path_names,
@@ -212,12 +238,8 @@ class PhaseAuditor:
             far greater somewhere than elsewhere, shape (K,), 0 on others; and the
             fractions of each interval between which the rates jump with the time.
         """
-        places = np.linspace(0.0, 1.0, _FINE)
-        x = flat(piece_values(phase.states.coefficients, places))
-        u = flat(piece_values(phase.controls.coefficients, places))
-        widths = np.diff(phase.states.breaks)
-        t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
-        parameters = np.repeat(p[:, None], t.size, axis=1)
+        places, widths = _closely(phase), np.diff(phase.states.breaks)
+        x, u, t, parameters = _sampled(phase, p, places)
         shape = (x.shape[0], widths.size, places.size)
         rates = np.asarray(self.f.map(t.size)(x, u, t, parameters))
         rates = np.nan_to_num(rates).reshape(shape)
@@ -242,6 +264,40 @@ class PhaseAuditor:
         )
         return missed, between
 
+    def _unseen_integrals(self, phase: PhaseSolution, p: FloatArray) -> FloatArray:
+        """Look closely at integrands for what points step over, as at the rates.
+
+        Returns
+        -------
+        ndarray
+            Integral of how far they are from the polynomial through their values at
+            the points, where that is far greater somewhere than elsewhere, in units of
+            the objective, shape (K,); 0 on other intervals.
+        """
+        missed = np.zeros(phase.mesh.intervals)
+        if not phase.integral_prices.any():
+            return missed
+        places = _closely(phase)
+        fine = self._running(phase, p, places)
+        for n, chosen in alike(phase.mesh.points):
+            nodes = np.asarray(collocation(phase.scheme, n)[0])
+            known = self._running(phase, p, nodes)[chosen]
+            through = bernstein_basis(n - 1, nodes)
+            between = bernstein_basis(n - 1, places) @ np.linalg.inv(through)
+            far = np.abs(fine[chosen] - known @ between.T)
+            seen = far.max(axis=1) > _OUTSTANDS * np.median(far, axis=1)
+            missed[chosen] = np.where(seen, far.mean(axis=1), 0.0)
+        return missed * np.diff(phase.states.breaks)
+
+    def _running(
+        self, phase: PhaseSolution, p: FloatArray, places: FloatArray
+    ) -> FloatArray:
+        """Sum of the integrands by their prices at places of all intervals, (K, n)."""
+        x, u, t, parameters = _sampled(phase, p, places)
+        values = self.running.map(t.size)(x, u, t, parameters)
+        worth = phase.integral_prices @ np.nan_to_num(np.asarray(values))
+        return np.asarray(worth.reshape(-1, places.size))
+
     def path_scales(self, table: Table) -> FloatArray:
         """Scales in which the path constraints' violations count, (constraints,)."""
         names = [c.name for c in self.phase.path_constraints]
@@ -253,8 +309,41 @@ class PhaseAuditor:
         pairs = [table["path", self.phase.name, c.name] for c in constraints]
         return np.array(pairs).reshape(-1, 2)
 
+    def _path_values(self, phase: PhaseSolution, p: FloatArray) -> FloatArray:
+        """Values of path constraints on all intervals, (constraints, K, places)."""
+        count, constraints = phase.states.intervals, self.phase.path_constraints
+        if not constraints:
+            return np.zeros((0, count, _PLACES.size))
+        x, u, t, parameters = _sampled(phase, p, _PLACES)
+        values = self.path.map(t.size)(x, u, t, parameters)
+        return np.asarray(values).reshape(len(constraints), count, _PLACES.size)
+
+    def _beside(
+        self, phase: PhaseSolution, values: FloatArray, table: Table
+    ) -> tuple[FloatArray, tuple[tuple[float, ...], ...]]:
+        """Integrate multipliers times the room to the bounds: 0 where they touch.
+
+        A constraint that is touched within an interval makes costates jump there, which
+        no polynomial does: what presses is spread over the interval, and the minimum
+        principle holds with such costates. By weak duality the objective may be as much
+        greater than the least as the integral says.
+        """
+        count = phase.states.intervals
+        if not np.any(phase.inner_multipliers):
+            return np.zeros(count), ((),) * count
+        bounds = self.path_bounds(table)[:, :, None, None]
+        room = np.minimum(values - bounds[:, 0], bounds[:, 1] - values)
+        room = np.maximum(room, 0.0)
+        pressure = interpolated(phase, tuple(_PLACES), phase.inner_multipliers)
+        lost = (np.abs(pressure).transpose(2, 0, 1) * room) @ _SHARES
+        nearest = _PLACES[room[lost.argmax(axis=0), np.arange(count)].argmin(axis=1)]
+        contacts = tuple(
+            (float(s),) if _CLOSE < s < 1.0 - _CLOSE else () for s in nearest
+        )
+        return np.diff(phase.states.breaks) * lost.sum(axis=0), contacts
+
     def _path(
-        self, phase: PhaseSolution, p: FloatArray, table: Table
+        self, phase: PhaseSolution, values: FloatArray, table: Table
     ) -> tuple[
         FloatArray, tuple[tuple[float, ...], ...], tuple[str, ...], FloatArray, str
     ]:
@@ -262,14 +351,6 @@ class PhaseAuditor:
         constraints = self.phase.path_constraints
         if not constraints:
             return np.zeros(count), ((),) * count, ("",) * count, np.zeros(count), ""
-        places = _PLACES
-        x = flat(piece_values(phase.states.coefficients, places))
-        u = flat(piece_values(phase.controls.coefficients, places))
-        widths = np.diff(phase.states.breaks)
-        t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
-        values = np.asarray(
-            self.path.map(t.size)(x, u, t, np.repeat(p[:, None], t.size, axis=1))
-        ).reshape(len(constraints), count, places.size)
         bounds = self.path_bounds(table)
         scale = self.path_scales(table)[:, None, None]
         violation = (
@@ -279,12 +360,13 @@ class PhaseAuditor:
             / scale
         )
         top = violation.max(axis=0)
-        found = [_peaks(places, top[k]) for k in range(count)]
+        found = [_peaks(_PLACES, top[k]) for k in range(count)]
         worst = ""
         if violation.max() > 0.0:
             at = np.unravel_index(int(np.argmax(violation)), violation.shape)
             c, k, s = (int(number) for number in at)
-            time = phase.states.breaks[k] + widths[k] * places[s]
+            breaks = phase.states.breaks
+            time = breaks[k] + (breaks[k + 1] - breaks[k]) * _PLACES[s]
             worst = (
                 f"{constraints[c].name!r} at t = {time:.6g} in phase "
                 f"{phase.name!r}, by {violation.max() * scale[c, 0, 0]:.3g}"
@@ -297,6 +379,27 @@ class PhaseAuditor:
             for c, over in zip(most, greatest, strict=True)
         )
         return greatest, tuple(found), names, near @ _SHARES, worst
+
+
+def _closely(phase: PhaseSolution) -> FloatArray:
+    """Places of each interval that are near enough to each other in the widest one."""
+    widest = float(np.diff(phase.states.breaks).max()) / phase.duration
+    count = min(int(_ALONG * widest), _LOOKS // phase.mesh.intervals)
+    return np.linspace(0.0, 1.0, max(_FINE, count))
+
+
+def _sampled(
+    phase: PhaseSolution, p: FloatArray, places: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """States, controls, times and parameters at places of all intervals, by column."""
+    widths = np.diff(phase.states.breaks)
+    t = (phase.states.breaks[:-1, None] + widths[:, None] * places).reshape(1, -1)
+    return (
+        flat(piece_values(phase.states.coefficients, places)),
+        flat(piece_values(phase.controls.coefficients, places)),
+        t,
+        np.repeat(p[:, None], t.size, axis=1),
+    )
 
 
 def given(solution: Solution) -> FloatArray:

@@ -21,7 +21,7 @@ import numpy as np
 from showc.ocp.guess import Guess
 from showc.ocp.outcome import Result
 from showc.ocp.refinement.attempts import Attempts
-from showc.ocp.refinement.multistart import flown, uneven, unmoved, varied
+from showc.ocp.refinement.multistart import flown, stationary, uneven, unmoved, varied
 from showc.ocp.refinement.options import INNER_DEGREE, LOOSELY, UNEVENNESS, WEIGHINGS
 from showc.ocp.refinement.proposal import plain_mesh
 from showc.ocp.scaling import middle
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 _ABOUT = 3.0
 """Ratio by which a duration may differ from one that is given about: the next tries are
 ten times as long."""
+_OTHERS = 2
+"""Other starts where a search may be caught at a saddle: waves of either kind."""
 _FIRST = 2
 """Calm tries before the search itself is tried from other orders of magnitude."""
 _MAGNITUDES = (1e2, 1e4, 1e-2, 1e6)
@@ -255,6 +257,8 @@ class FirstMesh:
         for words, way in self._uneven_ways(solution, guess):
             self.history.note(solution, None, f"{words} is tried")
             solution = way()
+            if solution.result is Result.UNBOUNDED:
+                return solution
             gain = sign * (best.objective - solution.objective)
             if solution.result.usable and gain > 1e-6 * abs(best.objective):
                 best, built = solution, self.attempts.latest
@@ -265,9 +269,16 @@ class FirstMesh:
         self, solution: Solution, guess: Guess | Solution | None
     ) -> Iterator[_Way]:
         """Give starts without symmetry, where a search may be caught in one."""
-        table = self.attempts.table
+        if isinstance(guess, Solution):
+            return
+        table, parameters = self.attempts.table, self.attempts.parameters
+        stuck = stationary(self.problem, solution, table)
+        for number in range(1, 1 + _OTHERS) if stuck else ():
+            start = varied(self.problem, guess, parameters, number)
+            words = f"{stuck!r} stayed at its guess; a start with waves"
+            yield words, partial(self.attempts.attempt, solution.mesh, start)
         still = unmoved(self.problem, solution, table)
-        if not still or isinstance(guess, Solution):
+        if not still:
             return
         # Controls of few coefficients would smooth most of the unevenness away.
         free = plain_mesh(self.auditors, 10, 4, degree=INNER_DEGREE)

@@ -57,6 +57,8 @@ class Judgement:
     flattery: float = 0.0
     """By how much the objective may be better than the truth, relative: it costs this
     much to mend dynamics and path constraints between the nodes."""
+    quadrature: float = 0.0
+    """Part of that by which points misjudge integrals, relative."""
     program: Transcription | None = None
     """What was solved."""
 
@@ -87,7 +89,8 @@ def judge(
     The dual-weighted estimate of the objective's error is an upper bound in practice;
     where all flagged intervals have just been refined (``former`` is the mesh before,
     ``mended``) and the objective hardly moved, twice the greater of the last two moves
-    is the better estimate. Not so for a control that is held at its bound on an arc of
+    is the better estimate. Not so where the solver found nothing to do, which its
+    tolerance may hide; nor for a control that is held at its bound on an arc of
     ``structures``, or in another valley of the Hamiltonian than the lowest: no
     refinement moves it, whatever is lost by that.
     """
@@ -103,6 +106,7 @@ def judge(
     lost = [
         a.objective_dynamics
         + a.objective_control
+        + a.beside
         + p.bound_gaps.sum(axis=1)
         + _path_cost(auditor, p, table, np.asarray(p.mesh.path_margins))
         for auditor, a, p in zip(auditors, audits, solution.phases, strict=True)
@@ -121,7 +125,8 @@ def judge(
     if former is not None:
         move = abs(solution.objective - former.solution.objective) / size
         moved = 2.0 * max(move, former.moved)
-        if mended and moved < total and _was_mended(former, solution):
+        told = mended and solution.iterations > 0 and _was_mended(former, solution)
+        if told and moved < total:
             weight = max(moved / total, DISTRUST)
     indicators, suspects = [], []
     counted = [weight * (p - h) + h for p, h in zip(lost, held, strict=True)]
@@ -162,6 +167,7 @@ def judge(
         tuple(structures),
         moved=move,
         flattery=flattery / size,
+        quadrature=sum(float(a.quadrature.sum()) for a in audits) / size,
         program=attempts.latest,
     )
 
@@ -266,6 +272,8 @@ def is_worse(problem: Problem, solution: Solution, former: Judgement) -> bool:
     size = objective_size(former.solution)
     left_open = former.solution.slack / size
     allowed = max(1e-5, 10.0 * error.dynamics, 3.0 * error.path, 3.0 * left_open)
+    # No multiplier is in what points misjudge of an integral.
+    allowed = max(allowed, 3.0 * former.quadrature)
     # Where ends repeat what the dynamics keep (a quaternion's norm), multipliers may be
     # anything: an estimate that is so great tells nothing.
     if former.flattery <= VAGUE:

@@ -33,11 +33,29 @@ def solve(
 ) -> Solution:
     """Solve ``problem`` to a tolerance, its couplings left out.
 
-    Arguments, result and errors are those of :func:`showc.ocp.solve`.
+    Arguments, result and errors are those of :func:`showc.ocp.solve`. Where the mesh
+    has arcs and does not reach the tolerance, these may have been seen too early: then
+    it is refined once more without.
     """
-    chosen = options or Options()
-    attempts = Attempts(problem, chosen, parameters or {}, overrides or Overrides())
-    work = (Graded if chosen.grading else Hp)(attempts, guess)
+    chosen, given = options or Options(), (parameters or {}, overrides or Overrides())
+    solution = _refined(Attempts(problem, chosen, *given), guess)
+    arcs = solution.mesh.phases if solution.result is Result.COARSE else ()
+    if chosen.grading or all(part.arc_count == 1 for part in arcs):
+        return solution
+    plain = replace(chosen, switches=False)
+    other = _refined(Attempts(problem, plain, *given), guess)
+    if other.result is not Result.SOLVED:
+        return solution
+    return replace(
+        other,
+        iterations=solution.iterations + other.iterations,
+        history=solution.history + other.history,
+    )
+
+
+def _refined(attempts: Attempts, guess: Guess | Solution | None) -> Solution:
+    """Solve on one mesh after the other."""
+    work = (Graded if attempts.options.grading else Hp)(attempts, guess)
     best = refine(work)
     if best is None:
         return work.failed("no solution on any first mesh")

@@ -11,7 +11,7 @@ mesh. Those that end in different optima are then refined, best first.
 A start with every symmetry of the problem leads to an extremum with the same symmetry,
 which is often no minimum: the search cannot leave it, as all its steps are symmetric
 too. What tells is a bounded control that ends where the guess had put it, in the middle
-between its bounds, at every instant.
+between its bounds, at every instant. So does one without bounds, or a static.
 """
 
 from __future__ import annotations
@@ -153,6 +153,8 @@ def varied(
 ) -> Guess:
     """Start ``number`` (1, 2, ...): the first one with waves in all its curves.
 
+    Statics differ too.
+
     Parameters
     ----------
     problem, parameters
@@ -207,7 +209,14 @@ def varied(
             if flies and not is_state and np.isfinite(low) and np.isfinite(high):
                 values = np.where(wave > 0.0, high, low)
             curves[title] = np.clip(values, low, high)
-    waves = replace(given, curves=curves, durations=durations)
+    statics = dict(given.statics)
+    for static, size in zip(problem.statics, scales.statics, strict=True):
+        low, high = table["static", static.name]
+        usual = statics.get(static.name, middle(low, high))
+        if isinstance(first, Solution):
+            usual = first.statics[static.name]
+        statics[static.name] = float(np.clip(usual + 0.7 * size * draw(), low, high))
+    waves = replace(given, curves=curves, durations=durations, statics=statics)
     found = flown(problem, waves, table, parameters) if flies else None
     return found[1] if found else waves
 
@@ -390,6 +399,32 @@ def unmoved(
             if np.abs(values - 0.5 * (low + high)).max() < _STILL * span:
                 found.append((f"{phase.name}.{name}", len(found)))
     return found
+
+
+def stationary(problem: Problem, solution: Solution, table: Table) -> str:
+    """Name a control without bounds, or a static, that stayed where its search began.
+
+    Parameters
+    ----------
+    problem, solution, table
+        As :func:`unmoved` takes them.
+
+    Returns
+    -------
+    str
+        Empty if there is none.
+    """
+    for static in problem.statics:
+        bounds = table["static", static.name]
+        if abs(solution.statics[static.name] - middle(*bounds)) < _STILL:
+            return static.name
+    for phase, part in zip(problem.phases, solution.phases, strict=True):
+        for j, name in enumerate(phase.controls):
+            bounds = table["bounds", phase.name, name]
+            away = np.abs(part.controls.coefficients[:, :, j] - middle(*bounds))
+            if not np.all(np.isfinite(bounds)) and away.max() < _STILL:
+                return f"{phase.name}.{name}"
+    return ""
 
 
 def uneven(

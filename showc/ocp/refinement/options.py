@@ -25,6 +25,8 @@ FIRST_DEGREE = 1
 points a control oscillates on singular arcs, and finer meshes inherit that."""
 BOUNDARY_SHARE = 0.6
 """Share of an interval from which a path constraint counts as active all along."""
+TOUCHED = 0.25
+"""Share of an interval up to which a path constraint is touched, not followed."""
 LITTLE_VIOLATION = 3e-4
 """Violation of a path constraint from which on it is tightened, not chased."""
 CAUTION = 0.25

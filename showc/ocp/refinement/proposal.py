@@ -24,6 +24,7 @@ from showc.ocp.refinement.options import (
     LITTLE_VIOLATION,
     MOSTLY_PLAIN,
     ROUGH,
+    TOUCHED,
     VAGUE,
 )
 from showc.ocp.refinement.refine import (
@@ -257,6 +258,7 @@ def refined(judgement: Judgement, options: Options) -> Proposal:
                 judgement.indicators[i],
                 judgement.must_cut[i],
                 audit.jumps,
+                _contacts(audit, options.tolerance),
                 judgement.stubborn[i] if judgement.stubborn else None,
             ),
             scale=ranges(part.states),
@@ -310,6 +312,20 @@ def better_guess(solution: Solution, audits: Sequence[PhaseAudit]) -> Guess:
     durations = {part.name: part.duration for part in solution.phases}
     starts = {part.name: part.start for part in solution.phases}
     return Guess(curves, durations, starts, solution.statics)
+
+
+def _contacts(audit: PhaseAudit, tolerance: float) -> tuple[tuple[float, ...], ...]:
+    """Where to cut: at contacts of which more is lost than in all other ways.
+
+    Not on intervals along which a constraint is active, nor before it is kept.
+    """
+    others = audit.objective_dynamics + audit.objective_control
+    touched = (audit.beside > others) & (audit.path <= tolerance)
+    touched &= audit.path_active < TOUCHED
+    return tuple(
+        contact if yes else ()
+        for contact, yes in zip(audit.contacts, touched.tolist(), strict=True)
+    )
 
 
 def _growth(solution: Solution, options: Options) -> float:

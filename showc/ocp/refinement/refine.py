@@ -188,6 +188,9 @@ class IntervalErrors:
     degree is given, shape (K,)."""
     jumps: Sequence[tuple[float, ...]] = ()
     """Where rates jump, as shares of each interval; empty: nowhere."""
+    contacts: Sequence[tuple[float, ...]] = ()
+    """Where a path constraint is touched whose multiplier is spread over an interval,
+    as a share of it; empty: nowhere."""
     stubborn: BoolArray | None = None
     """Where a higher degree did not help, shape (K,); ``None``: nowhere."""
 
@@ -252,6 +255,10 @@ def _mended(
     if errors.jumps and errors.jumps[k]:
         words = f"{error}; the rates jump: cut about the jump"
         cells = _cut(cell, [0.0, *errors.jumps[k], 1.0])
+        return cells, Decision(Step.CUT, words)
+    if errors.contacts and errors.contacts[k]:
+        words = f"{error}; a path constraint is touched: cut there"
+        cells = _cut(cell, [0.0, *errors.contacts[k], 1.0])
         return cells, Decision(Step.CUT, words)
     rate, smooth, found = _smoothness(phase, k, scale)
     stubborn = errors.stubborn is not None and bool(errors.stubborn[k])

@@ -71,7 +71,9 @@ def phase_solution(
     widths = np.maximum(widths, 1e-12 * max(float(widths.sum()), 1e-6))
     begin = float(unknowns[place.start])
     breaks = begin + np.concatenate([[0.0], np.cumsum(widths)])
-    times, costates, pressures = _costates(built, index, begin, widths, multipliers)
+    times, costates, pressures, inner = _costates(
+        built, index, begin, widths, multipliers
+    )
     return PhaseSolution(
         phase.name,
         mesh,
@@ -87,6 +89,7 @@ def phase_solution(
         costates,
         built.scheme,
         pressures,
+        inner,
         _bound_gaps(built, index, unknowns, multipliers),
         _integral_prices(built, index, multipliers, parameters),
     )
@@ -155,8 +158,10 @@ def _costates(
     begin: float,
     widths: FloatArray,
     multipliers: Multipliers,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Give times of the points, costates and path multipliers there.
+
+    The latter once more without what presses at the ends of intervals.
 
     The multipliers of the defects over the quadrature weights are costates, those
     of the path constraints over weight and width are densities in time.
@@ -170,6 +175,7 @@ def _costates(
     weights = np.concatenate([w for _, w in nodes])
     spans = np.repeat(np.maximum(widths, 1e-300), mesh.points) * weights
     costates, pressures = [np.zeros((times.size, 0))], [np.zeros((times.size, 0))]
+    at_ends = [np.zeros((times.size, 0))]
     seen: list[str] = []
     first = np.concatenate([[0], np.cumsum(mesh.points)])
     for group in built.discretisation.groups:
@@ -182,6 +188,7 @@ def _costates(
         elif group.name not in seen:
             seen.append(group.name)
             pressures.append(force / spans[:, None])
+            at_ends.append(np.zeros((times.size, 1)))
         else:
             # A single point between the nodes acts on the polynomials as these
             # multipliers at the nodes do.
@@ -196,7 +203,10 @@ def _costates(
                     bernstein_values(n - 1, (float(s),))[0],
                 )
                 pressures[at][nodal, 0] += weight * share / spans[nodal]
-    return times, np.hstack(costates), np.hstack(pressures)
+                if s in {0.0, 1.0}:
+                    at_ends[at][nodal, 0] += weight * share / spans[nodal]
+    every = np.hstack(pressures)
+    return times, np.hstack(costates), every, every - np.hstack(at_ends)
 
 
 def _same_degree(tables: list[tuple[FloatArray, ...]]) -> list[FloatArray]:
