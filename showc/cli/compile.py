@@ -6,6 +6,7 @@ import json
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
@@ -287,5 +288,8 @@ def table(compiled: Compiled) -> str:
     lines += [f"  note: {note}" for note in notes]
     if compiled.refused:
         lines.append(f"error: {compiled.refused}")
-    lines.append(f"next: showc verify {compiled.log}")
+    log, site = quote(str(compiled.log)), compiled.flight.itinerary.show.site
+    lines.append(f"next: showc verify {log}")
+    if site.ceiling is not None or site.audience or site.buildings:
+        lines.append(f"      showc safety {log} for ceiling, audience and buildings")
     return "\n".join(lines)

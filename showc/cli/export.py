@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from math import floor
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 import click
@@ -193,5 +194,5 @@ def command(
     click.echo(f"fit: {fit}" if fit else "as solved")
     for lost in exported.written.lost:
         click.echo(f"cannot carry: {lost}")
-    click.echo(f"next: showc verify {folder}")
+    click.echo(f"next: showc verify {quote(str(folder))}")
     return 0 if exported.proved else 1

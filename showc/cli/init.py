@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
+from shlex import quote
 
 import click
 
@@ -38,5 +39,5 @@ def command(script: Path, name: str, force: bool) -> int:
     if script.exists() and not force:
         raise UsageError(f"{str(script)!r} exists; choose another name, or use --force")
     write_file(script, template_text(name).encode())
-    click.echo(f"wrote {script}; next: showc check {script}")
+    click.echo(f"wrote {script}; next: showc check {quote(str(script))}")
     return 0

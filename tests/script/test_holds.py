@@ -85,6 +85,43 @@ transitions: [{{to: ring, hold: 40, motion: [{motion}]}}]
     assert all("3 m from the walls" in one.notes[-1] for one in errors)
 
 
+@pytest.mark.parametrize(
+    ("site", "motion", "said"),
+    [
+        ("ceiling: 25", "{travel: [[0, 0, 15], [0, 0, 0]]}", "above the ceiling of 25"),
+        ("ceiling: 40", "{travel: [[0, 0, 15], [0, 0, 0]]}", ""),
+        (
+            "buildings: [{name: tower, height: 60, area: [[20, -5], [30, 0], [9, 9]]}]",
+            "{travel: [[25, 0, 0], [0, 0, 0]]}",
+            "gets into `tower`",
+        ),
+        (
+            "buildings: [{name: shed, height: 6, area: [[20, -5], [30, -5], [30, 5]]}]",
+            "{travel: [[25, 0, 0], [0, 0, 0]]}",
+            "",
+        ),
+        (
+            "audience: [{name: stands, area: [[-5, 30], [5, 30], [5, 40], [-5, 40]]}]",
+            "{travel: [[0, 35, 0], [0, 0, 0]]}",
+            "gets over `stands`",
+        ),
+    ],
+)
+def test_motions_keep_below_the_ceiling_and_off_what_is_around(site, motion, said):
+    text = f"""showc: 1
+drones: 6
+mission: {{wanted: false}}
+site: {{{site}}}
+formations: {{ring: {{type: circle, radius: 5, centre: [0, 0, 20]}}}}
+transitions: [{{to: ring, hold: 60, motion: [{motion}]}}]
+"""
+    errors = read_show(text.encode()).errors
+    assert [one.code for one in errors] == ["SHW217"] * bool(said)
+    assert all(
+        said in one.message and "into its motion" in one.message for one in errors
+    )
+
+
 def trouble(show):
     leg = next(leg for leg in build_itinerary(show).legs if leg.kind == "motion")
     aircraft = Aircraft(show.vehicle, leg.limits, show.yaw, show.heading)

@@ -295,8 +295,9 @@ class PhaseAuditor:
         """Sum of the integrands by their prices at places of all intervals, (K, n)."""
         x, u, t, parameters = _sampled(phase, p, places)
         values = self.running.map(t.size)(x, u, t, parameters)
-        worth = phase.integral_prices @ np.nan_to_num(np.asarray(values))
-        return np.asarray(worth.reshape(-1, places.size))
+        # An integrand may be infinite at an end, and its integral have a value.
+        known = np.nan_to_num(np.asarray(values), posinf=0.0, neginf=0.0)
+        return np.asarray((phase.integral_prices @ known).reshape(-1, places.size))
 
     def path_scales(self, table: Table) -> FloatArray:
         """Scales in which the path constraints' violations count, (constraints,)."""

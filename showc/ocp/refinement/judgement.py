@@ -134,7 +134,8 @@ def judge(
     for a, part, taken in zip(audits, lost, counted, strict=True):
         each = len(part) / (2.0 * CAUTION) / size
         suspects.append(part * each > tolerance)
-        share = taken * each
+        # What presses beside a constraint tells little before it is kept.
+        share = (taken - np.where(a.path > tolerance, weight * a.beside, 0.0)) * each
         # Where a constraint is active all along, more points of it would only
         # contradict each other: a finer polynomial keeps it better.
         along = np.where(a.path_active > BOUNDARY_SHARE, a.path, 0.0)

@@ -30,7 +30,7 @@ from showc.script.sections.motions import formations_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from showc.arrays import FloatArray
+    from showc.arrays import BoolArray, FloatArray
     from showc.script.mark import Mark
     from showc.script.sections.build import Sketch
     from showc.script.show import Formation, Site
@@ -314,27 +314,7 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
                 else "move the formation down, or raise `site: ceiling:`",
                 spot=Spot(formation.name, (top,)),
             )
-        reached = [
-            (
-                "over",
-                "audience",
-                people.name,
-                inside_polygon(points[:, :2], people.points),
-            )
-            for people in site.audience
-            if people.area
-        ]
-        reached += [
-            (
-                "in",
-                "buildings",
-                building.name,
-                inside_polygon(points[:, :2], building.corners)
-                & (points[:, 2] <= building.height),
-            )
-            for building in site.buildings
-        ]
-        for where, key, name, met in reached:
+        for where, key, name, met in reached(site, points):
             if met.any():
                 place = int(np.argmax(met))
                 yield Diagnostic(
@@ -352,6 +332,24 @@ def _around(sketch: Sketch) -> Iterator[Diagnostic]:
                     help="move the formation away",
                     spot=Spot(formation.name, (place,)),
                 )
+
+
+def reached(
+    site: Site, points: FloatArray
+) -> Iterator[tuple[str, str, str, BoolArray]]:
+    """Yield what places, shape (n, 3) [m], may not be over or in, and which ones are.
+
+    Each as ``over`` or ``in``, the key of the site, the name, and a mask of shape (n,).
+    """
+    level = points[:, :2]
+    for people in site.audience:
+        if people.area:
+            met = inside_polygon(level, people.points)
+            yield "over", "audience", people.name, met
+    for building in site.buildings:
+        met = inside_polygon(level, building.corners)
+        met &= points[:, 2] <= building.height
+        yield "in", "buildings", building.name, met
 
 
 def _places(sketch: Sketch) -> Iterator[Diagnostic]:

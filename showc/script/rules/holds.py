@@ -7,7 +7,7 @@ impossible; what is not found may be so all the same, and compile proves it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import ceil, floor
+from math import ceil, floor, inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +27,7 @@ from showc.script.lanes import (
 )
 from showc.script.language.wording import measured_text, number_text, point_text
 from showc.script.moving import moving_places
-from showc.script.rules.geometry import wall_notes
+from showc.script.rules.geometry import reached, wall_notes
 from showc.script.rules.least_time import least_duration
 from showc.script.show import Follow, Morph, Orbit, Rotate, Travel, Wave
 from showc.vehicle.flatness import attitude_and_thrust
@@ -238,6 +238,7 @@ class _Flown:
             or self._unbalanced()
             or self._outside(rows, states)
             or self._beyond_fence(rows, states)
+            or self._around(rows, states)
             or self._near(moments)
         )
 
@@ -393,6 +394,36 @@ class _Flown:
         return _Fault(
             f"place {place + 1} of `{self.name}` {said}",
             "make the motion smaller, or move the formation or the fence",
+            Spot(self.name, (place,)),
+            (f"it is at {point_text(places[instant, row])}",),
+        )
+
+    def _around(self, rows: IntArray, states: FloatArray) -> _Fault | None:
+        """Places that would rise above the ceiling, over the audience or in walls."""
+        site, places = self.show.site, states[0]
+        stand = self.points[rows]
+        instant, row = np.unravel_index(int(places[..., 2].argmax()), places.shape[:2])
+        top = float(places[instant, row, 2])
+        said = ""
+        highest = inf if site.ceiling is None else site.ceiling + _ROUNDING
+        if top > highest >= stand[:, 2].max():
+            said = f"rises above the ceiling of {number_text(site.ceiling or 0.0)} m"
+        flat = places.reshape(-1, 3)
+        still = (met.any() for *_, met in reached(site, stand))
+        for (where, _, name, met), there in zip(
+            reached(site, flat), still, strict=True
+        ):
+            # What stands there already is another finding's.
+            if not (said or there) and met.any():
+                instant, row = np.unravel_index(int(met.argmax()), places.shape[:2])
+                said = f"gets {where + 'to' * (where == 'in')} `{name}`"
+        if not said:
+            return None
+        place = int(rows[row])
+        return _Fault(
+            f"place {place + 1} of `{self.name}` {said} "
+            f"{self.instants[instant]:.1f} s into its motion",
+            "make the motion smaller, or move the formation",
             Spot(self.name, (place,)),
             (f"it is at {point_text(places[instant, row])}",),
         )
