@@ -30,8 +30,8 @@ def least_times(
 ) -> FloatArray:
     """Return a time below which no drone moves by a displacement, hover to hover.
 
-    Along each axis by itself: speed and acceleration are bounded, and a point with
-    these bounds needs 2 sqrt(d / a), or d / v + v / a if it reaches the speed v. The
+    Along each axis by itself, and level: speed and acceleration are bounded, and a
+    point with these bounds needs 2 sqrt(d / a), or d / v + v / a if it reaches the speed v. The
     horizontal acceleration is at most the thrust's horizontal part at full tilt, the
     vertical one what thrust and weight leave; both are generous, so that the time is
     a lower bound. Where jerk is at most j, a move of length d takes (32 d / j)^(1/3).
@@ -59,6 +59,10 @@ def least_times(
     down = min(vehicle.gravity, limits.acceleration_down or inf)
     length = np.linalg.norm(displacement, axis=-1)
     times: FloatArray = np.cbrt(32.0 * length / (limits.jerk or inf))
+    across = np.linalg.norm(displacement[..., :2], axis=-1)
+    pull = np.full(across.shape, level)
+    speed = np.full(across.shape, limits.level_speed or inf)
+    times = np.maximum(times, _axis_time(across, speed, pull, pull))
     for axis in range(3):
         distance = np.abs(displacement[..., axis])
         forward = displacement[..., axis] > 0.0
