@@ -108,7 +108,7 @@ def judge(
         + a.objective_control
         + a.beside
         + p.bound_gaps.sum(axis=1)
-        + _path_cost(auditor, p, table, np.asarray(p.mesh.path_margins))
+        + _path_cost(auditor, p, table, np.asarray(p.mesh.path_margins) + a.path)
         for auditor, a, p in zip(auditors, audits, solution.phases, strict=True)
     ]
     flattery = sum(
