@@ -34,7 +34,8 @@ def least_times(
     point with these bounds needs 2 sqrt(d / a), or d / v + v / a if it reaches the
     speed v. The horizontal acceleration is at most the thrust's horizontal part at
     full tilt, the vertical one what thrust and weight leave; both are generous, so
-    that the time is a lower bound. Where jerk is at most j, a move of length d takes (32 d / j)^(1/3).
+    that the time is a lower bound. Where jerk is at most j, a move of length d takes
+    (32 d / j)^(1/3).
 
     Parameters
     ----------
