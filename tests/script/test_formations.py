@@ -255,6 +255,23 @@ def test_csv(show, tmp_path, name, content):
     ]  # fmt: skip
 
 
+def test_accents_may_be_written_apart_from_their_letters(show, read):
+    texts = ("\u00e9\u00f6", "e\u0301o\u0308")
+    places = [
+        show(
+            f"drones: 40\nformations: {{a: {{type: text, text: {text}, height: 60, "
+            "centre: [0, 0, 40]}}\ntransitions: [a]\n"
+        )
+        .formations["a"]
+        .points
+        for text in texts
+    ]
+    assert np.array_equal(*places)
+    lone = 'drones: 4\nformations: {a: {type: text, text: "A\u200bB"}}\n'
+    (error,) = (e for e in read(lone + "transitions: [a]\n").errors)
+    assert error.message == "the font has no U+200B"
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -506,6 +523,8 @@ def test_thinning_keeps_pieces_and_holes():
         ("{type: mesh, file: bad.stl}", "SHW110", "bad.stl"),
         ("{type: mesh, file: bad.glb}", "SHW110", "bad.glb"),
         ("{type: mesh, file: bad.blend}", "SHW110", "not a model that showc reads"),
+        ("{type: mesh, file: cloud.obj}", "SHW110", "points or lines, but no faces"),
+        ("{type: mesh, file: far.obj}", "SHW110", "no face whose corners are numbers"),
         ("{type: image, file: bad.png}", "SHW110", "not an image"),
         ("{type: text, text: A, font: bad.ttf}", "SHW110", "not a font"),
         ("{type: csv, file: bad.csv}", "SHW110", "line 1"),
@@ -523,6 +542,9 @@ def test_faulty_inputs_are_named(read, tmp_path, formation, code, words):
     for ending in ("svg", "obj", "stl", "glb", "blend", "png", "ttf"):
         (tmp_path / f"bad.{ending}").write_bytes(b"\x89this is noise\x00\xff" * 9)
     (tmp_path / "bad.csv").write_text("1,2,three\n")
+    (tmp_path / "cloud.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    far = "v 0 0 0\nv 1e200 0 0\nv 0 nan 0\nf 1 2 3\n"
+    (tmp_path / "far.obj").write_text(far)
     (tmp_path / "empty.csv").write_text("\n\n")
     (tmp_path / "empty.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
     Image.new("RGB", (20, 20)).save(tmp_path / "dark.png")

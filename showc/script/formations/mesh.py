@@ -107,16 +107,31 @@ def triangles_of(content: bytes, name: str) -> FloatArray:
                 maintain_order=True,
             )
         mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
-        corners = np.asarray(mesh.triangles, dtype=np.float64)
+        solid = isinstance(mesh, trimesh.Trimesh)
+        corners = np.asarray(mesh.triangles if solid else (), dtype=np.float64)
     except Exception:  # noqa: BLE001 - readers of models raise anything
         raise _unreadable(name, suffix) from None
     finally:
         logging.disable(heard)
+    if not solid:
+        raise ScriptError(
+            "SHW110",
+            f"`{name}` has points or lines, but no faces",
+            key="file",
+            help_text="give it faces, or write its points as a table (`type: csv`)",
+        )
     if corners.shape[1:] != (3, 3):
         raise _unreadable(name, suffix)
     if len(corners) > MAX_TRIANGLES:
         raise _too_much(name, len(corners))
+    there = len(corners)
     corners = corners[np.all(np.abs(corners) <= _FARTHEST, axis=(1, 2))]
+    if there and not len(corners):
+        raise ScriptError(
+            "SHW110",
+            f"`{name}` has no face whose corners are numbers up to {_FARTHEST:g}",
+            key="file",
+        )
     if not len(corners) or not float(_areas(corners).sum()) > 0.0:
         raise ScriptError("SHW110", f"`{name}` has no surface", key="file")
     return corners

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import unicodedata
 from io import BytesIO
 from typing import TYPE_CHECKING
 
@@ -173,7 +174,7 @@ def letters(font: TTFont, text: str) -> list[Contour]:
     glyphs, names = font.getGlyphSet(), font.getBestCmap()
     missing = sorted({sign for sign in text if sign != "\n" and ord(sign) not in names})
     if missing:
-        named = ", ".join(f"`{sign}`" for sign in missing[:_NAMED])
+        named = ", ".join(map(_shown, missing[:_NAMED]))
         more = f" and {len(missing) - _NAMED} more" if len(missing) > _NAMED else ""
         raise ScriptError(
             "SHW110",
@@ -238,6 +239,12 @@ def _flatten(  # noqa: C901 - one case a verb of the pen
     return [np.array(chain) for chain in chains if len(chain) > 2]
 
 
+def _shown(sign: str) -> str:
+    """Show a letter; by its number where it shows nothing by itself."""
+    alone = sign.isprintable() and not unicodedata.combining(sign)
+    return f"`{sign}`" if alone else f"U+{ord(sign):04X}"
+
+
 def _bend(chain: list[np.ndarray], points: list[np.ndarray]) -> None:
     """Add a Bézier curve from the chain's end as short pieces (de Casteljau)."""
     start = chain[-1]
@@ -252,10 +259,15 @@ def _bend(chain: list[np.ndarray], points: list[np.ndarray]) -> None:
         chain.append(level[0])
 
 
+def _text(settings: Settings) -> str:
+    """Return the text with letters and their accents composed, as fonts have them."""
+    return unicodedata.normalize("NFC", settings.text("text"))
+
+
 def draw(settings: Settings, request: Request) -> Drawing:
     """Draw the text, centred, in its plane."""
     name = settings.text("font")
-    contours = outlines(_font(settings, request), settings.text("text"), name)
+    contours = outlines(_font(settings, request), _text(settings), name)
     if not contours:
         raise ScriptError("SHW104", "the text has no visible letters", key="text")
     drawn = fitted(contours, settings.number("height"), axis=1)
