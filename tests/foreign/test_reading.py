@@ -155,6 +155,17 @@ def test_the_files_own_rules_and_the_users_are_judged_apart(skyc):
     assert verdicts["climb, the file's own"] == "pass"
 
 
+@pytest.mark.parametrize(("apart", "verdict"), [(0.0, "fail"), (0.1, "skipped")])
+def test_aircraft_that_touch_are_a_fault_whatever_is_asked(skyc, apart, verdict):
+    def up(x):
+        return trajectory([0, [x, 0, 0], []], [10, [x, 0, 10], []], [20, [x, 0, 0], []])
+
+    found = verify_foreign(skyc(show_of(up(0.0), up(apart))), Questions())
+    check = found.check("VRF504")
+    assert (check.verdict, check.value) == (verdict, pytest.approx(apart, abs=1e-4))
+    assert any("touch" in note for note in check.notes) is (verdict == "fail")
+
+
 def test_without_a_least_distance_nothing_is_called_proved(skyc):
     slowly = [(0, 0), (10, 10), (20, 0)]
     path = skyc(
