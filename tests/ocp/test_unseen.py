@@ -175,3 +175,21 @@ def test_a_search_that_begins_at_a_saddle_leaves_it(name):
 def test_a_saddle_of_what_has_no_minimum_is_called_unbounded():
     problem = pushed(lambda x, u, _: u**2 - x**2, end=0.0, duration=4.0)
     assert ocp.solve(problem).result is ocp.Result.UNBOUNDED
+
+
+def test_arcs_that_were_seen_too_early_are_given_up():
+    """A train of the least energy: power, cruise, coast, brake."""
+    problem = ocp.Problem("train")
+    phase = problem.phase(duration=8.0)
+    x = phase.state("x", start=0.0, end=10.0)
+    v = phase.state("v", 0.0, 4.0, start=0.0, end=0.0)
+    power, brake = phase.control("power", 0.0, 1.0), phase.control("brake", 0.0, 1.0)
+    phase.derivative(x, v)
+    phase.derivative(v, power - brake - 0.1 - 0.05 * v**2)
+    problem.minimise(phase.integral(power * v))
+    solution = ocp.solve(problem)
+    assert solution.result is SOLVED, solution.message
+    assert any("switch times placed" in record.action for record in solution.history)
+    # By quadrature over the speed, the cruise and the speed to brake from found by
+    # one-dimensional searches.
+    assert solution.objective == pytest.approx(2.65373633303, rel=1e-6)
