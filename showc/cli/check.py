@@ -61,6 +61,8 @@ def command(
     from showc.script.diagnostic import select_diagnostics
     from showc.script.render import render
 
+    _refuse_unknown("select", select)
+    _refuse_unknown("ignore", ignore)
     if fixing:
         for script in scripts:
             _fix(Path(script), allow_outside=allow_outside)
@@ -118,3 +120,13 @@ def _fix(script: Path, *, allow_outside: bool) -> None:
             f"{script}:{line}: fixed [{item.code}]: {item.message}; now {item.fix}",
             err=True,
         )
+
+
+def _refuse_unknown(option: str, asked: tuple[str, ...]) -> None:
+    """Refuse what begins no code: it would leave out all findings, or none."""
+    from showc.errors import UsageError
+    from showc.script.codes import codes
+
+    for code in asked:
+        if not any(known.startswith(code) for known in codes()):
+            raise UsageError(f"--{option} {code}: no finding's code begins so")

@@ -17,6 +17,13 @@ VERBS = (
 )  # fmt: skip
 
 
+def test_codes_that_no_finding_has_are_refused(run_showc):
+    run = run_showc("check", GRID, "--select", "SHW9")
+    assert run.code == 2
+    assert "--select SHW9: no finding's code begins so" in run.err
+    assert run_showc("check", GRID, "--ignore", "SHW3").code == 0
+
+
 def test_help_names_every_verb(run_showc):
     run = run_showc("--help")
     assert run.code == 0

@@ -47,8 +47,11 @@ def test_rows_at_uneven_moments_are_joined_by_straight_lines(show, tmp_path):
     ("content", "message"),
     [
         ("time,x,y,z\n0,1,2,3\n", "has no column place"),
-        ("time,place,x,y,z\n0,1,1,1,1\n", "has 1 rows of place 1"),
-        ("time,place,x,y,z\n0,1,1,1,9\n1,1,1,1,9\n0,3,1,1,9\n1,3,1,1,9\n", "0 rows of"),
+        ("time,place,x,y,z\n0,1,1,1,1\n", "has 1 row of place 1"),
+        (
+            "time,place,x,y,z\n0,1,1,1,9\n1,1,1,1,9\n0,3,1,1,9\n1,3,1,1,9\n",
+            "no rows of",
+        ),
         ("time,place,x,y,z\n0,1,1,1,9\n0,1,1,1,9\n", "place 1 twice at 0 s"),
         ("time,place,x,y,z\n0,1,1,1,9\n1,1,1,,9\n", "line 3: y is not a number"),
         (

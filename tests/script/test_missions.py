@@ -160,3 +160,27 @@ def test_what_autopilots_do_not_do_is_said_before_the_solve(section, said):
     assert said is None or said in found[0]
     least = missions.LEAST_TAKEOFF, missions.LEAST_VERTICAL
     assert least == (LEAST_HEIGHT, SLOWEST_COMMAND)
+
+
+@pytest.mark.parametrize("distance", [1.5, 2.5])
+@pytest.mark.parametrize("left", ["", ", separation: 2"])
+def test_what_an_export_advises_leaves_it_the_room(distance, left):
+    def found(separation, wish):
+        text = f"""showc: 1
+drones: 4
+mission: {{wanted: false}}
+separation: {separation}
+exports: [{wish}]
+formations: {{ring: {{type: circle, radius: 9, centre: [0, 0, 20]}}}}
+transitions: [ring]
+"""
+        result = read_show(text.encode())
+        return [one.help for one in result.diagnostics if one.code == "SHW310"]
+
+    wish = f"{{to: skyb{left}}}"
+    advised = found(f"{{distance: {distance}, tracking: 0}}", wish)
+    for said in advised:
+        _, separation, _, other, _ = said.split("`")
+        assert not found(separation.removeprefix("separation: "), wish)
+        assert not found(f"{{distance: {distance}, tracking: 0}}", other)
+    assert bool(advised) is not (distance > 2.0 and bool(left))

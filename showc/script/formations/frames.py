@@ -113,8 +113,8 @@ def _table(content: bytes, name: str, key: str) -> Frames:
         place = int(np.argmax(counts < 2)) + 1
         raise ScriptError(
             "SHW110",
-            f"`{name}` has {counts.min()} rows of place {place}, "
-            f"{owner.max(initial=0) + 1} places are counted",
+            f"`{name}` has {'1 row' if counts.min() else 'no rows'} of place {place}, "
+            f"and places up to {owner.max(initial=0) + 1}; each has two at least",
             key=key,
             help_text=_HELP,
         )

@@ -67,7 +67,7 @@ def _effect(section: Settings) -> Iterator[Diagnostic]:
     kind = section.text("kind")
     for key in sorted({"colours", "depth", "direction", "wavelength"} - _USED[kind]):
         users = [f"`{name}`" for name, keys in _USED.items() if key in keys]
-        yield from _idle(section, key, f"`{kind}` has none; {', '.join(users)} have")
+        yield from _idle(section, key, f"it belongs to {', '.join(users)}")
     if section.written("beats"):
         yield from _idle(section, "period", "`beats` gives the time of a cycle")
 

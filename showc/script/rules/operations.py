@@ -327,7 +327,8 @@ def _room(sketch: Sketch, wish: Export, mark: Mark) -> Iterator[Diagnostic]:
     # Show mode takes its share wherever drones pass; rounding matters where they stand.
     if not near and not flown:
         return
-    asked = sketch.settings.section("separation").number("distance")
+    # Half of what is taken beside at least what must remain.
+    asked = max(sketch.settings.section("separation").number("distance"), kept)
     room = ceil(50.0 * taken - 1e-6) / 100.0 + 0.01 * flown
     less = floor(100.0 * (planned - taken) + 1e-6) / 100.0
     help_text = (
