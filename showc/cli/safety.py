@@ -99,10 +99,15 @@ def command(
         f"whole second, after {case.stops.sure:.2f} s from any instant"
     )
     energy = case.energy
+    taken = (
+        f"the show takes {100.0 * energy.used.max():.0f} % and an abort "
+        f"{100.0 * energy.abort:.0f} %"
+    )
+    if energy.empty is not None:
+        taken = f"it is empty {energy.empty:.0f} s into {energy.times[-1]:.0f} s"
     click.echo(
-        f"battery, an estimate: the show takes {100.0 * energy.used.max():.0f} % and "
-        f"an abort {100.0 * energy.abort:.0f} %; {100.0 * show.battery.allowed:.0f} % "
-        f"may be used (drone {energy.worst + 1})"
+        f"battery, an estimate: {taken}; {100.0 * show.battery.allowed:.0f} % may be "
+        f"used (drone {energy.worst + 1})"
     )
     for item in case.findings:
         where = item.place

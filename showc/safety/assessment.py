@@ -292,12 +292,17 @@ class _Assessment:
             # From this second on an abort would take more than is allowed.
             late = 1.0 - found.left[:, worst] + found.abort > allowed
             second = float(found.times[int(late.argmax())])
+            said = f"show and abort take {100.0 * needed:.0f} % of the battery"
+            if found.empty is not None:
+                said = (
+                    f"a battery is empty {found.empty:.0f} s into the "
+                    f"{found.times[-1]:.0f} s of the show"
+                )
             self.findings.append(
                 Finding(
                     "SAF131",
                     "error",
-                    f"show and abort take {100.0 * needed:.0f} % of the battery, "
-                    f"{100.0 * allowed:.0f} % may be taken (estimate)",
+                    f"{said}, {100.0 * allowed:.0f} % may be taken (estimate)",
                     needed - allowed,
                     Place(worst, second),
                 )

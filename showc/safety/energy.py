@@ -58,6 +58,12 @@ class Energy:
         return np.asarray(1.0 - self.left[-1])
 
     @property
+    def empty(self) -> float | None:
+        """When the first battery is empty [s]; None: none is."""
+        flat = (self.left <= 0.0).any(axis=1)
+        return float(self.times[int(flat.argmax())]) if flat.any() else None
+
+    @property
     def energy(self) -> FloatArray:
         """What each drone takes, (drones,) [J]."""
         return np.asarray(self.power.sum(axis=0) * STEP)

@@ -119,6 +119,13 @@ def test_too_small_a_battery_is_found(logged):
     spent = 1.0 - found.energy.left[:, drone] + found.energy.abort
     assert spent[row] > small.battery.allowed
     assert row == 0 or spent[row - 1] <= small.battery.allowed
+    # Below nothing no battery goes: a share would look like a near miss.
+    flat = replace(show, battery=replace(show.battery, capacity=6.0 * 3.6))
+    found = safety_case(logged, flat)
+    early = next(item for item in found.errors if item.code == "SAF131")
+    assert found.energy.empty is not None and "is empty" in early.message
+    assert f"{found.energy.empty:.0f} s into" in early.message
+    assert found.energy.left[found.energy.times < found.energy.empty].min() > 0.0
     weak = replace(show, battery=replace(show.battery, resistance=0.5))
     assert "SAF132" in {item.code for item in safety_case(logged, weak).errors}
     # Not even at half its voltage.
