@@ -153,7 +153,9 @@ def verify_foreign(path: Path, questions: Questions | None = None) -> Verificati
 def judge(show: ForeignShow, questions: Questions) -> Verification:
     """Judge a show that was read."""
     rules = rules_for(show, questions)
-    found = answer(show, rules, questions.firmware, questions.agility)
+    # No firmware ever reads a drawing.
+    firmware = None if show.format in DRAWINGS else questions.firmware
+    found = answer(show, rules, firmware, questions.agility)
     checks = [
         *found.facts,
         *_flyable(show, found, rules, questions.agility),

@@ -168,6 +168,12 @@ def test_a_drawing_is_never_called_proved_to_fly(vertical, tmp_path, form):
     assert found.verdict.startswith("A DRAWING, NOT FLOWN: ")
     assert found.passed and not found.proved
     assert found.trajectories == ("none" if form == "kml" else "proved")
+    if form != "kml":
+        # Its file by itself is drawn as well: no firmware reads it.
+        (drawn,) = (path for path in folder.iterdir() if path.stem == "show")
+        alone = verify_foreign(drawn)
+        assert alone.verdict.startswith("A DRAWING, NOT FLOWN: "), alone.verdict
+        assert not any(check.code.startswith("VRF54") for check in alone.checks)
     (folder / "stray.txt").write_text("?")
     again = verify_export(folder)
     assert again.verdict.startswith("NOT PROVED: ") and not again.passed
