@@ -120,7 +120,14 @@ class Site:
 
     @property
     def room(self) -> tuple[Vector, Vector]:
-        """Corners of the box to fly in [m], less the margin where it is the fence."""
+        """Corners of the box to fly in [m]: walls, and a ceiling that is lower."""
+        low, (x, y, top) = self.walls
+        highest = top if self.ceiling is None else min(top, self.ceiling)
+        return low, (x, y, max(highest, low[2]))
+
+    @property
+    def walls(self) -> tuple[Vector, Vector]:
+        """Corners of the flight volume [m], less the margin where it is the fence."""
         inset = 0.0 if self.fence is not None else self.fence_margin
         low, high = self.volume_min, self.volume_max
         return (

@@ -462,3 +462,22 @@ transitions: [{transitions}]
     assert ("SHW219" not in {one.code for one in result.errors}) == kept
     if kept:
         assert build_itinerary(result.draft).legs
+
+
+@pytest.mark.parametrize(("ceiling", "top"), [(25, 25.0), (40, 40.0), (90, 40.0)])
+def test_flights_keep_below_the_ceiling(ceiling, top):
+    text = f"""showc: 1
+drones: 4
+site: {{ceiling: {ceiling}, volume: {{min: [-20, -20, 0], max: [20, 20, 40]}}}}
+mission: {{wanted: false}}
+formations: {{ring: {{type: circle, radius: 6, centre: [0, 0, 25]}}}}
+transitions: [ring]
+"""
+    result = read_show(text.encode())
+    assert not result.errors
+    assert result.show.limits.position_max == (20.0, 20.0, top)
+    assert result.show.site.volume_max == (20.0, 20.0, 40.0)
+    # A place above it is one finding, not two.
+    above = text.replace("0, 0, 25", f"0, 0, {ceiling + 1}")
+    codes = [one.code for one in read_show(above.encode()).errors]
+    assert codes == (["SHW214"] if ceiling < 40 else ["SHW203", "SHW214"])

@@ -150,7 +150,7 @@ def _volume(sketch: Sketch) -> Iterator[Diagnostic]:
     site = sketch.site
     if site is None:
         return
-    low, high = map(np.array, site.room)
+    low, high = map(np.array, site.walls)
     asked = sketch.settings.section("site").section("volume").mark
     for formation, points, hover, mark in _stands(sketch):
         what = _hovering(hover)

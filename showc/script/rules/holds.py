@@ -343,7 +343,7 @@ class _Flown:
     def _outside(self, rows: IntArray, states: FloatArray) -> _Fault | None:
         """Places that would leave the flight volume."""
         site = self.show.site
-        low, high = map(np.array, site.room)
+        low, high = map(np.array, site.walls)
         beyond = np.maximum(low - states[0], states[0] - high)
         instant, row, axis = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
         if beyond[instant, row, axis] <= _ROUNDING:

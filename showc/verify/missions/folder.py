@@ -142,7 +142,7 @@ class Missions:
 
     def files(self) -> list[Check]:
         """Check names, hashes and every line of the files."""
-        skipped = checked("VRF400", "skipped", notes=("none; the manifest says why",))
+        skipped = checked("VRF400", "skipped", notes=("the manifest says why",))
         folder = self.folder
         if not folder.there:
             note = f"there is no folder {folder.path.name!r} beside the log; copy it "
